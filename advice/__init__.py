@@ -1,0 +1,1 @@
+"""The walk from a record to an answer, written once for every caller."""

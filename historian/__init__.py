@@ -1,0 +1,1 @@
+"""Plant files, sample store and resampling: the only place that knows exports."""

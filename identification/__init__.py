@@ -1,0 +1,1 @@
+"""Process models from recorded tests, each with its uncertainty and a verdict."""

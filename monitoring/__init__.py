@@ -1,0 +1,1 @@
+"""Indices of control-loop performance from routine data."""
