@@ -1,5 +1,10 @@
 """Facts that stop an engineering answer, with the numbers they rest on."""
 
+import sys
+
+# Count of unstable poles where a dead time meets a loop gain that stays above 1 at high frequency.
+INFINITELY_MANY = sys.maxsize
+
 
 class LoopError(Exception):
     """An engineering fact stands in the way of an answer."""
@@ -18,9 +23,10 @@ class UnstableLoop(LoopError):
     """The closed loop is unstable, so it has no margins."""
 
     def __init__(self, unstable_poles: int) -> None:
+        count = "infinitely many" if unstable_poles == INFINITELY_MANY else str(unstable_poles)
         plural = "pole" if unstable_poles == 1 else "poles"
         super().__init__(
-            f"The closed loop is unstable: {unstable_poles} {plural} in the right half-plane. "
+            f"The closed loop is unstable: {count} {plural} in the right half-plane. "
             "Lower Kc or check the sign of the action."
         )
         self.unstable_poles = unstable_poles
@@ -72,4 +78,51 @@ class NoLimitCycle(LoopError):
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason)
+        self.reason = reason
+
+
+class LoopDiverged(LoopError):
+    """The simulated loop grows without bound."""
+
+    def __init__(self, time: float) -> None:
+        super().__init__(
+            f"The simulated loop grows without bound; PV left every scale at t = {time:.6g} s. "
+            "Lower Kc, check the sign of the action or give the output its limits."
+        )
+        self.time = time
+
+
+class NoSamples(LoopError):
+    """The sample store holds nothing of this loop."""
+
+    def __init__(self, loop: str) -> None:
+        super().__init__(f"The sample store holds no samples of loop {loop}.")
+        self.loop = loop
+
+
+class StoreBusy(LoopError):
+    """Other writers kept getting in first, so the upload was given up; nothing was stored."""
+
+    def __init__(self, attempts: int) -> None:
+        super().__init__(
+            f"Other uploads got in first {attempts} times, so nothing was stored. Send it again."
+        )
+        self.attempts = attempts
+
+
+class StoreDamaged(LoopError):
+    """The folder of the sample store cannot be read as one."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"The sample store cannot be read: {reason}")
+        self.reason = reason
+
+
+class DiskFull(LoopError):
+    """The disk has no room for the samples; nothing was stored."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(
+            f"The disk of the sample store cannot take the samples: {reason}. Nothing was stored."
+        )
         self.reason = reason

@@ -1,0 +1,117 @@
+"""Exact count of the unstable poles of a loop with dead time."""
+
+import math
+
+import numpy as np
+
+from loop.controller import PID
+from loop.crossovers import gain_crossovers
+from loop.errors import INFINITELY_MANY
+from loop.factors import FactoredLoop, polynomial_roots
+from loop.process import Process
+from loop.signals import Complex, Real
+
+# A crossing this close to a delay lies on the imaginary axis to within rounding.
+ON_THE_AXIS = 1e-9
+ROUNDING = 1e-14
+
+
+def unstable_poles(process: Process, controller: PID, *, delay: float = 0.0) -> int:
+    """Count the closed-loop poles that are not in the open left half-plane [1]_.
+
+    The characteristic equation is d(s) + n(s) e^(-theta s) = 0. Without dead time the poles are
+    the roots of a polynomial. As theta grows, poles cross the imaginary axis only where
+    |d(jw)| = |n(jw)|, that is at gain crossovers, whenever w theta passes arg L + pi (mod 2 pi):
+    to the right where |L| falls with w, back to the left where it rises.
+
+    Parameters
+    ----------
+    process : Process
+        Process model.
+    controller : PID
+        Controller settings.
+    delay : float
+        Dead time on top of the process's own. [s]
+
+    Returns
+    -------
+    int
+        Number of poles with a real part of 0 or more; 0 means stable. `INFINITELY_MANY` where the
+        loop gain does not fall below 1 at high frequency around a dead time, as with an unfiltered
+        derivative on a first-order process.
+
+    Raises
+    ------
+    ValueError
+        The delay is negative or not finite, or the loop has no sensible scale.
+
+    References
+    ----------
+    .. [1] K. Walton, J. E. Marshall, "Direct method for TDS stability analysis", IEE Proceedings D
+       134 (1987) 101-107.
+    """
+    return count_unstable_poles(FactoredLoop.of(process, controller, delay=delay))
+
+
+def count_unstable_poles(loop: FactoredLoop) -> int:
+    """Count the unstable closed-loop poles of a factored loop.
+
+    Parameters
+    ----------
+    loop : FactoredLoop
+        Open loop.
+    """
+    if loop.theta > 0 and (loop.excess < 0 or (loop.excess == 0 and loop.log_k >= 0)):
+        return INFINITELY_MANY
+    wc, _, w = gain_crossovers(loop)
+    if not wc.size:
+        # Rouche: the smaller of d and n does not move a zero of the larger across the axis.
+        larger = loop.poles if loop.log_gain(w[:1])[0] < 0 else loop.zeros
+        return int(np.sum(larger.real >= 0)) + _stands_at_origin(loop)
+    leaves_right = loop.gain_slope(wc) < 0
+    # Phase to lose until a pole pair reaches the axis.
+    lag = np.mod(loop.phase(wc) + wc * loop.theta + math.pi, 2 * math.pi)
+    on_axis = np.minimum(lag, 2 * math.pi - lag) < ON_THE_AXIS
+    count = _right_of_axis(loop, wc, wc[on_axis])
+    if loop.theta == 0:
+        return count + 2 * int(np.sum(on_axis))
+    # A pair that starts on the axis leaves it at once, to the right for good until its next visit.
+    lag = np.where(on_axis, np.where(leaves_right, 0.0, 2 * math.pi), lag)
+    slack = ON_THE_AXIS * np.where(leaves_right, 1.0, -1.0)
+    visits = np.floor((wc * loop.theta - lag + slack) / (2 * math.pi)) + 1
+    return count + 2 * int(np.sum(np.where(leaves_right, 1, -1) * np.maximum(visits, 0.0)))
+
+
+def _stands_at_origin(loop: FactoredLoop) -> int:
+    """1 where L(0) = -1, which puts a pole at the origin whatever the dead time."""
+    sign, log_size = loop.origin
+    return int(loop.integrators == 0 and sign < 0 and abs(log_size) < ROUNDING)
+
+
+def _right_of_axis(loop: FactoredLoop, wc: Real, on_axis: Real) -> int:
+    """Count the poles without dead time right of the axis or at the origin.
+
+    Pairs on the axis, at the frequencies `on_axis`, are left out. A pole lost at infinity, where
+    L(infinity) = -1, counts as unstable.
+    """
+    unit = float(wc[-1])
+    d, n = _polynomial(loop.poles / unit), _polynomial(loop.zeros / unit)
+    # |d| = |n| at the crossover, which settles the scale of n without the leading coefficient.
+    size = abs(np.polyval(d, 1j)) / abs(np.polyval(n, 1j))
+    degree = max(d.size, n.size)
+    d, n = (np.pad(p, (degree - p.size, 0)) for p in (d, loop.sign * size * n))
+    total = np.where(np.abs(d + n) <= ROUNDING * (np.abs(d) + np.abs(n)), 0.0, d + n)
+    inner = np.trim_zeros(total, "f")
+    roots = polynomial_roots(tuple(inner)) * unit
+    for w in on_axis:
+        roots = np.delete(roots, np.argsort(np.abs(roots - 1j * w))[:1])
+        roots = np.delete(roots, np.argsort(np.abs(roots + 1j * w))[:1])
+    return int(np.sum(roots.real >= 0)) + total.size - inner.size
+
+
+def _polynomial(roots: Complex) -> Real:
+    """Multiply out prod(s - root), each factor scaled to coefficients of at most 1."""
+    product = np.ones(1, dtype=complex)
+    for root in roots:
+        product = np.convolve(product, np.array([1.0, -root]) / max(1.0, abs(root)))
+    return np.asarray(product.real)
