@@ -1,0 +1,133 @@
+"""The ISA PID as a plant controller runs it: once a scan, within limits, without wind-up.
+
+Between two scans the measurement is taken to move in a straight line and the set point to hold.
+Integral, derivative filter and lag are exact for that, so that the scan adds the delay of its hold
+(half a scan) and nothing else, and the response converges to that of the continuous controller.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from enum import StrEnum
+
+import numpy as np
+
+from loop.controller import PID
+from loop.signals import Real
+
+
+class AntiWindup(StrEnum):
+    """What the integral does while the output is at a limit."""
+
+    NONE = "none"
+    CLAMPING = "clamping"
+    BACK_CALCULATION = "back calculation"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputLimits:
+    """What the controller output may do.
+
+    Attributes
+    ----------
+    low, high : float
+        Smallest and largest output. [OP]
+    rate : float
+        Fastest change in either direction. [OP/s]
+    """
+
+    low: float = -math.inf
+    high: float = math.inf
+    rate: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high:
+            raise ValueError(f"low must be below high, got {self.low} and {self.high}")
+        if not self.rate > 0:
+            raise ValueError(f"rate must be positive, got {self.rate}")
+
+
+def tracking_time(controller: PID) -> float:
+    """Default Tt of back-calculation: sqrt(Ti Td) with a derivative, Ti without. [s]"""
+    return math.sqrt(controller.Ti * controller.Td) if controller.Td else controller.Ti
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ScanLaw:
+    """Numbers of the law for one scan of m controllers, every array of shape (m,).
+
+    With m the measurement, r the set point, all as deviations from the initial rest:
+
+    w = c r - m;  D = dD D' + kD (w - w')
+    I = I' + kI (r' - (m + m')/2)
+    v = kP (b r - m) + I + D
+    F = dF F' + f1 v' + f0 v
+    u = F within the limits
+    I = I + track (u - F)                  back-calculation
+    I = I' if that moved F further out     clamping
+
+    where the prime marks the scan before. The action's sign is in kP, kI and kD.
+    """
+
+    kP: Real
+    kI: Real
+    kD: Real
+    dD: Real
+    b: Real
+    c: Real
+    dF: Real
+    f0: Real
+    f1: Real
+    track: Real
+
+    def arrays(self) -> list[Real]:
+        """All numbers, in the order above."""
+        return [getattr(self, field.name) for field in fields(self)]
+
+
+def scan_laws(
+    controllers: Sequence[PID], dt: float, *, anti_windup: AntiWindup, Tt: float | None
+) -> ScanLaw:
+    """Discretise controllers for a scan time.
+
+    kI = Kc dt/Ti, kD = Kc Td (1 - dD)/dt with dD = e^(-dt N/Td), dF = e^(-dt/tauF),
+    track = 1 - e^(-dt/Tt)
+
+    Parameters
+    ----------
+    controllers : sequence of PID, length m
+        Controller settings.
+    dt : float
+        Scan time. [s]
+    anti_windup : AntiWindup
+        What the integral does at a limit.
+    Tt : float, optional
+        Tracking time of back-calculation; by `tracking_time` if not given. [s]
+    """
+    rows = [
+        (p.action.sign * p.Kc, p.Ti, p.Td, p.filter_time, p.b, p.c, p.tauF, tracking_time(p))
+        for p in controllers
+    ]
+    Kc, Ti, Td, Tf, b, c, tauF, default_Tt = np.array(rows).T
+    dD, dF = _decay(dt, Tf), _decay(dt, tauF)
+    lag = (1 - dF) * tauF / dt
+    tracking = default_Tt if Tt is None else np.full_like(Ti, Tt)
+    tracks = (anti_windup is AntiWindup.BACK_CALCULATION) & np.isfinite(Ti)
+    return ScanLaw(
+        kP=Kc,
+        kI=Kc * dt / Ti,
+        kD=Kc * Td * (1 - dD) / dt,
+        dD=dD,
+        b=b,
+        c=c,
+        dF=dF,
+        f0=1 - lag,
+        f1=lag - dF,
+        track=np.where(tracks, 1 - _decay(dt, tracking), 0.0),
+    )
+
+
+def _decay(dt: float, time_constant: Real) -> Real:
+    """e^(-dt/T), 0 for T = 0."""
+    safe = np.where(time_constant > 0, time_constant, 1.0)
+    return np.where(time_constant > 0, np.exp(-dt / safe), 0.0)

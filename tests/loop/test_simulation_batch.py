@@ -1,0 +1,112 @@
+"""Many loops at once must be the same law as one loop."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from loop.controller import PID, Action
+from loop.digital_pid import AntiWindup, OutputLimits
+from loop.experiment import Step
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process, TransferFunction
+from loop.simulation import simulate
+from loop.simulation_batch import simulate_batch
+
+unit = st.floats(0.1, 1)
+processes = st.one_of(
+    st.builds(lambda K, a, b: FOPDT(K=4 * K, tau=50 * a, theta=20 * b), unit, unit, unit),
+    st.builds(lambda K, a, b: SOPDT(K=K, tau1=50 * a, tau2=50 * a * b, theta=0), unit, unit, unit),
+    st.builds(lambda K, a: IPDT(K=0.1 * K, theta=10 * a), unit, unit),
+    st.builds(lambda K: TransferFunction((-1.0, K), (5.0, 6.0, K), 1.7), unit),
+    st.builds(lambda K: TransferFunction((-0.2, K), (5.0, 1.0), 2.8), unit),
+)
+controllers = st.builds(
+    lambda Kc, Ti, Td, N, b, c, tauF: PID(
+        Kc=Kc, Ti=100 * Ti, Td=5 * Td, N=10 * N, b=b, c=c, tauF=tauF
+    ),
+    unit,
+    unit,
+    st.sampled_from([0, 1, 2]),
+    unit,
+    unit,
+    st.sampled_from([0, 1]),
+    st.sampled_from([0, 3.0]),
+)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    loops=st.lists(st.tuples(processes, controllers), min_size=1, max_size=4),
+    mode=st.sampled_from(AntiWindup),
+    rate=st.sampled_from([np.inf, 0.3]),
+    seed=st.integers(0, 100),
+)
+def test_a_batch_is_its_loops_one_by_one(
+    loops: list[tuple[Process, PID]], mode: AntiWindup, rate: float, seed: int
+) -> None:
+    experiment = {
+        "t_end": 80,
+        "dt": 0.7,
+        "sp": Step(size=2, at=3),
+        "load": Step(size=0.5, at=40),
+        "noise": np.random.default_rng(seed).normal(0, 0.01, 115),
+        "limits": OutputLimits(low=-2, high=3, rate=rate),
+        "anti_windup": mode,
+        "pv0": 1.0,
+        "op0": 0.5,
+    }
+    batch = simulate_batch(*zip(*loops, strict=True), **experiment)
+    assert not np.any(batch.diverged)
+    for i, (process, pid) in enumerate(loops):
+        one = simulate(process, pid, **experiment)
+        np.testing.assert_allclose(batch.pv[:, i], one.pv, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(batch.op[:, i], one.op, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(batch.true_pv[:, i], one.true_pv, rtol=1e-12, atol=1e-12)
+        np.testing.assert_array_equal(batch.sp, one.sp)
+
+
+def test_one_process_serves_many_controllers_and_the_other_way_round() -> None:
+    heater, pid = FOPDT(K=2, tau=120, theta=30), PID(Kc=0.5, Ti=135, Td=13.3)
+    gains = [0.2, 0.5, 0.8]
+    by_gain = simulate_batch(
+        [heater], [PID(Kc=g, Ti=135) for g in gains], t_end=500, dt=1, resolution=0.1, sp=1.0
+    )
+    one = simulate(heater, PID(Kc=0.8, Ti=135), t_end=500, dt=1, resolution=0.1, sp=1.0)
+    np.testing.assert_allclose(by_gain.pv[:, 2], one.pv, atol=1e-12)
+    plants = simulate_batch([heater, FOPDT(K=1, tau=120, theta=3)], [pid], t_end=500, dt=1, sp=1.0)
+    assert plants.pv.shape == (501, 2)
+
+
+def test_every_loop_may_have_its_own_signals() -> None:
+    integrator = DoubleIntegrator(K=0.01, theta=1)
+    pid = PID(Kc=1, Td=20)
+    t = np.arange(201.0)
+    sp = np.stack([np.where(t > 5, size, 0.0) for size in (1.0, 2.0)], axis=1)
+    batch = simulate_batch([integrator], [pid, pid], t_end=200, dt=1, sp=sp)
+    np.testing.assert_allclose(batch.pv[:, 1], 2 * batch.pv[:, 0], atol=1e-9)
+    noise = simulate_batch(
+        [integrator], [pid, pid], t_end=200, dt=1, noise=0.1, rng=np.random.default_rng(1)
+    )
+    sensors = noise.pv - noise.true_pv
+    assert abs(np.mean(sensors[:, 0] * sensors[:, 1])) < 0.2 * 0.1**2
+
+
+def test_a_diverging_loop_is_marked_and_leaves_the_others_alone() -> None:
+    heater = FOPDT(K=2, tau=120, theta=30)
+    pids = [
+        PID(Kc=0.5, Ti=135),
+        PID(Kc=50, Ti=10),
+        PID(Kc=0.5, Ti=135, action=Action.DIRECT),
+    ]
+    batch = simulate_batch([heater], pids, t_end=40_000, dt=10, sp=1.0)
+    np.testing.assert_array_equal(batch.diverged, [False, True, True])
+    alone = simulate(heater, pids[0], t_end=40_000, dt=10, sp=1.0)
+    np.testing.assert_allclose(batch.pv[:, 0], alone.pv, atol=1e-12)
+    assert np.all(np.abs(batch.pv) <= 1e30)
+
+
+def test_lengths_that_make_no_pairs_are_refused() -> None:
+    heater, pid = FOPDT(K=2, tau=120, theta=30), PID(Kc=0.5)
+    for plants, pids in ([heater] * 2, [pid] * 3), ([], [pid]), ([heater], []):
+        with pytest.raises(ValueError, match="do not make pairs"):
+            simulate_batch(plants, pids, t_end=10, dt=1)
