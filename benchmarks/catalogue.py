@@ -1,0 +1,50 @@
+"""The benchmarks on offer, by name."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from types import MappingProxyType
+
+from benchmarks.section import Section
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Benchmark:
+    """One benchmark: a module of this package with a function `run`.
+
+    Attributes
+    ----------
+    name : str
+        Name on the command line, and of the module.
+    about : str
+        What it compares, one line.
+    seconds : float
+        After this long it is stopped. [s]
+    """
+
+    name: str
+    about: str
+    seconds: float
+
+    def run(self) -> Section:
+        """Measure; peers are imported only here."""
+        section = import_module(f"benchmarks.{self.name}").run()
+        assert isinstance(section, Section)
+        return section
+
+
+BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
+    {
+        name: Benchmark(name=name, about=about, seconds=seconds)
+        for name, about, seconds in (
+            ("margins", "gain, phase, delay margin, Ms, Mt against python-control", 90.0),
+            ("fopdt_fit", "FOPDT fit of a step test against scipy curve_fit and gekko", 120.0),
+            ("fopdt_bound", "FOPDT fit of 1,000 tests against the Cramér-Rao bound", 120.0),
+            ("simulation", "closed loop with limits against simple-pid, python-control", 60.0),
+            ("tuning_request", "all rules with their sweeps for one process", 60.0),
+            ("csv_import", "historian exports against pandas, pyarrow, polars", 240.0),
+            ("http_tuning", "a tuning request through HTTP", 60.0),
+            ("upload", "five million rows through HTTP into the sample store", 150.0),
+        )
+    }
+)
