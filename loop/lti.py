@@ -67,12 +67,13 @@ def _relative_degree(A: Real, B: Real, C: Real, D: Real) -> int:
     """How many of D, CB, CAB, CA^2 B ... are zero to rounding before the first that is not."""
     if D.item():
         return 0
+    order = int(A.shape[0])
     column, size = B, np.abs(B)
-    for degree in range(1, A.shape[0] + 1):
+    for degree in range(1, order + 1):
         if abs((C @ column).item()) > ROUNDING * (np.abs(C) @ size).item():
             return degree
         column, size = A @ column, np.abs(A) @ size
-    return A.shape[0]
+    return order
 
 
 def to_control(process: Process, *, pade_order: int) -> "control.TransferFunction":
