@@ -1,0 +1,67 @@
+"""Assembly of the web application."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import structlog
+from fastapi import FastAPI
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+
+from service.access import Door
+from service.database import Database
+from service.exchange import Exchange
+from service.features import ROUTERS
+from service.metrics import Metrics
+from service.migration import assert_ready
+from service.openapi import describe, docs_page
+from service.problems import PROBLEM_ANSWERS, add_problem_handlers
+from service.settings import Settings
+
+log = structlog.get_logger()
+
+
+def create_app(settings: Settings | None = None, held: Database | None = None) -> FastAPI:
+    """Build the application around its settings and its database.
+
+    Nothing connects before the application starts; then it refuses a database that is not
+    migrated, or that would let the audit trail be changed.
+
+    Parameters
+    ----------
+    settings : Settings, optional
+        By default those of the environment.
+    held : Database, optional
+        By default the one the settings name.
+    """
+    settings = settings or Settings()
+    held = held or Database.at(settings.url)
+    metrics = Metrics()
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        await run_in_threadpool(assert_ready, held)
+        log.info("ready", database=held.engine.dialect.name)
+        yield
+        held.engine.dispose()
+
+    app = FastAPI(
+        title="Loopwright",
+        version="0.1.0",
+        description="Loop tuning with its evidence: models, verified settings, versioned sheets.",
+        responses=PROBLEM_ANSWERS,
+        docs_url=None,  # FastAPI's own pages load scripts from a CDN; ours works offline
+        redoc_url=None,
+        lifespan=lifespan,
+        max_body_size=settings.max_body_bytes,
+        middleware=[Middleware(Exchange, metrics=metrics), Middleware(Door, held=held)],
+    )
+    app.state.settings = settings
+    app.state.database = held
+    app.state.metrics = metrics
+    for router in ROUTERS:
+        app.include_router(router)
+    add_problem_handlers(app)
+    docs_page(app)
+    describe(app)
+    return app
