@@ -123,7 +123,7 @@ def test_the_integrals_are_those_of_the_broken_line(t: list[float], seed: int) -
     dense = np.linspace(times[0], times[-1], 200_001)
     size = np.abs(np.interp(dense, times, e))
     second = [np.trapezoid(f, dense) for f in (size, size**2, dense * size)]
-    assert (found.IAE, found.ISE, found.ITAE) == pytest.approx(tuple(second), rel=1e-5)
+    assert pytest.approx(tuple(second), rel=1e-5) == (found.IAE, found.ISE, found.ITAE)
 
 
 @given(gain=st.floats(0.01, 100), pace=st.floats(0.01, 100), shift=st.floats(-50, 50))
