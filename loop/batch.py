@@ -198,3 +198,33 @@ class PIDBatch:
             tauF=np.asarray(pid.tauF),
             sign=np.asarray(pid.action.sign),
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MarginBatch:
+    """Margins of a batch of loops, each array of the batch's shape.
+
+    Where a loop is unstable, `stable` is False, `gain`, `gain_reduction`, `phase` and `delay` are
+    0 and `Ms` and `Mt` infinite.
+
+    Attributes
+    ----------
+    stable : ndarray of bool
+        Whether the closed loop is stable.
+    gain, gain_reduction : ndarray of float
+        Gain margin, and the factor on the gain below which stability is lost. [-]
+    phase : ndarray of float
+        Phase margin. [°]
+    delay : ndarray of float
+        Delay margin. [s]
+    Ms, Mt : ndarray of float
+        Peaks of |1/(1 + L)| and |L/(1 + L)|. [-]
+    """
+
+    stable: Flags
+    gain: Real
+    gain_reduction: Real
+    phase: Real
+    delay: Real
+    Ms: Real
+    Mt: Real

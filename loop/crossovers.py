@@ -19,7 +19,9 @@ POINTS_A_DECADE = 16
 ASYMPTOTE = 1e4
 
 
-def solve_brackets(f: Callable[[Real], Real], left: Real, right: Real) -> Real:
+def solve_brackets(
+    f: Callable[[Real], Real], left: Real, right: Real, *, resolution: float = 4e-16
+) -> Real:
     """Solve f(w) = 0 in many brackets at once, by Chandrupatla's method in ln w [1]_.
 
     Parameters
@@ -28,11 +30,13 @@ def solve_brackets(f: Callable[[Real], Real], left: Real, right: Real) -> Real:
         Continuous function of an array of frequencies of shape (n,).
     left, right : ndarray, shape (n,)
         Brackets; f changes its sign within each. [rad/s]
+    resolution : float
+        Accuracy of ln w, relative where that is above 1. [-]
 
     Returns
     -------
     ndarray, shape (n,)
-        Roots, to the last digits of ln w. [rad/s]
+        Roots. [rad/s]
 
     References
     ----------
@@ -45,9 +49,8 @@ def solve_brackets(f: Callable[[Real], Real], left: Real, right: Real) -> Real:
     c, fc, part = a.copy(), fa.copy(), np.full(a.shape, 0.5)
     for _ in range(200):
         best = np.where(np.abs(fa) < np.abs(fb), a, b)
-        resolution = 4e-16 * np.maximum(np.abs(best), 1.0)
-        width = np.abs(b - a)
-        if np.all((width <= 2 * resolution) | (fa == 0) | (fb == 0)):
+        finest = resolution * np.maximum(np.abs(best), 1.0)
+        if np.all((np.abs(b - a) <= 2 * finest) | (fa == 0) | (fb == 0)):
             break
         point = a + part * (b - a)
         value = f(np.exp(point))
@@ -55,11 +58,11 @@ def solve_brackets(f: Callable[[Real], Real], left: Real, right: Real) -> Real:
         c, fc = np.where(same, a, b), np.where(same, fa, fb)
         b, fb = np.where(same, b, a), np.where(same, fb, fa)
         a, fa = point, value
-        part = _next_part(a, b, c, fa, fb, fc, resolution)
+        part = _next_part(a, b, c, fa, fb, fc, finest)
     return np.asarray(np.exp(np.where(np.abs(fa) < np.abs(fb), a, b)))
 
 
-def _next_part(a: Real, b: Real, c: Real, fa: Real, fb: Real, fc: Real, resolution: Real) -> Real:
+def _next_part(a: Real, b: Real, c: Real, fa: Real, fb: Real, fc: Real, finest: Real) -> Real:
     """Part of the bracket to step: inverse quadratic where that is safe, otherwise half."""
     ab, cb, fab, fcb, fca = a - b, c - b, fa - fb, fc - fb, fc - fa
     whole = (ab != 0) & (cb != 0) & (fab != 0) & (fcb != 0) & (fca != 0)
@@ -67,7 +70,7 @@ def _next_part(a: Real, b: Real, c: Real, fa: Real, fb: Real, fc: Real, resoluti
     xi, phi = ab / cb, fab / fcb
     quadratic = whole & (phi * phi < xi) & ((1 - phi) ** 2 < 1 - xi)
     step = (fa / fab) * (fc / fcb) + (a - c) / ab * (fa / fca) * (fb / fcb)
-    least = np.minimum(resolution / np.abs(ab), 0.5)
+    least = np.minimum(finest / np.abs(ab), 0.5)
     return np.asarray(np.clip(np.where(quadratic, step, 0.5), least, 1 - least))
 
 

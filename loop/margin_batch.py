@@ -1,49 +1,22 @@
 """Margins of many loops at once, with exact dead time."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import fields
 
 import numpy as np
 import numpy.typing as npt
 
-from loop.batch import PIDBatch, ProcessBatch
-from loop.controller import PID, Action
+from loop.batch import MarginBatch, PIDBatch, ProcessBatch
 from loop.errors import UnstableLoop
-from loop.margins import Margins, margins
-from loop.process import TransferFunction
-from loop.signals import Flags, Real
+from loop.factors import FactoredLoop, polynomial_roots
+from loop.lag_loops import LagLoops
+from loop.margins import Margins, loop_margins
+from loop.scan_batch import scan_margins
 
+__all__ = ["MarginBatch", "batch_margins"]
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MarginBatch:
-    """Margins of a batch of loops, each array of the batch's shape.
-
-    Where a loop is unstable, `stable` is False, `gain`, `gain_reduction`, `phase` and `delay` are
-    0 and `Ms` and `Mt` infinite.
-
-    Attributes
-    ----------
-    stable : ndarray of bool
-        Whether the closed loop is stable.
-    gain, gain_reduction : ndarray of float
-        Gain margin, and the factor on the gain below which stability is lost. [-]
-    phase : ndarray of float
-        Phase margin. [°]
-    delay : ndarray of float
-        Delay margin. [s]
-    Ms, Mt : ndarray of float
-        Peaks of |1/(1 + L)| and |L/(1 + L)|. [-]
-    """
-
-    stable: Flags
-    gain: Real
-    gain_reduction: Real
-    phase: Real
-    delay: Real
-    Ms: Real
-    Mt: Real
-
-
+# Loops at a time: their scans fit the cache and memory stays bounded.
+CHUNK = 256
 UNSTABLE = Margins(gain=0.0, gain_reduction=0.0, phase=0.0, delay=0.0, Ms=math.inf, Mt=math.inf)
 
 
@@ -66,44 +39,46 @@ def batch_margins(
     ValueError
         A sample time is negative or not finite.
     """
-    parts = np.broadcast_arrays(
-        processes.K,
-        processes.tau1,
-        processes.tau2,
-        processes.integrators,
-        processes.theta,
-        controllers.Kc,
-        controllers.Ti,
-        controllers.Td,
-        controllers.N,
-        controllers.tauF,
-        controllers.sign,
-        np.asarray(sample_time, dtype=float),
-    )
-    found = [_one([float(x) for x in row]) for row in zip(*(p.ravel() for p in parts), strict=True)]
-    shape = parts[0].shape
-
-    def gather(name: str) -> Real:
-        return np.array([getattr(m, name) for m in found]).reshape(shape)
-
+    hold = np.asarray(sample_time, dtype=float) / 2
+    if not np.all(np.isfinite(hold) & (hold >= 0)):
+        raise ValueError("sample_time must be 0 or positive and finite everywhere")
+    shape = np.broadcast_shapes(processes.shape, controllers.shape, hold.shape)
+    loops = LagLoops.of(processes, controllers, hold)
+    found = [
+        _margins(loops.take(np.arange(first, min(first + CHUNK, loops.size))))
+        for first in range(0, max(loops.size, 1), CHUNK)
+    ]
     return MarginBatch(
-        stable=np.isfinite(gather("Ms")),
-        gain=gather("gain"),
-        gain_reduction=gather("gain_reduction"),
-        phase=gather("phase"),
-        delay=gather("delay"),
-        Ms=gather("Ms"),
-        Mt=gather("Mt"),
+        **{
+            item.name: np.concatenate([getattr(part, item.name) for part in found]).reshape(shape)
+            for item in fields(MarginBatch)
+        }
     )
 
 
-def _one(row: list[float]) -> Margins:
-    K, tau1, tau2, integrators, theta, Kc, Ti, Td, N, tauF, sign, sample_time = row
-    lags = (tau1 * tau2, tau1 + tau2, 1.0)
-    process = TransferFunction((K,), lags + (0.0,) * int(integrators), theta)
-    action = Action.REVERSE if sign > 0 else Action.DIRECT
-    controller = PID(Kc=Kc, Ti=Ti, Td=Td, N=N, tauF=tauF, action=action)
+def _margins(loops: LagLoops) -> MarginBatch:
+    found = scan_margins(loops)
+    # Without dead time a gain that never falls ends on the real axis: rare, and left to the scalar.
+    for row in np.flatnonzero((loops.theta == 0) & (loops.excess <= 0)):
+        one = _one(loops, int(row))
+        found.stable[row] = one is not UNSTABLE
+        for item in fields(Margins):
+            getattr(found, item.name)[row] = getattr(one, item.name)
+    return found
+
+
+def _one(loops: LagLoops, row: int) -> Margins:
+    zeros = np.trim_zeros(np.array([loops.c[row], loops.b[row], 1.0]), "f")
+    lags = [T[row] for T in loops.lags if T[row] > 0]
+    poles = np.concatenate([np.zeros(int(loops.order[row])), [-1 / T for T in lags]])
+    loop = FactoredLoop(
+        sign=float(loops.sign[row]),
+        log_k=float(loops.log_k_high[row]),
+        zeros=polynomial_roots(tuple(zeros)),
+        poles=poles.astype(complex),
+        theta=float(loops.theta[row]),
+    )
     try:
-        return margins(process, controller, sample_time=sample_time)
+        return loop_margins(loop)
     except UnstableLoop:
         return UNSTABLE

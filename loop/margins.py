@@ -74,7 +74,22 @@ def margins(process: Process, controller: PID, *, sample_time: float | None = No
     >>> round(found.gain, 5), round(found.phase, 4), round(found.Ms, 5)
     (7.28357, 84.2356, 1.16282)
     """
-    loop = FactoredLoop.of(process, controller, delay=hold_delay(sample_time))
+    return loop_margins(FactoredLoop.of(process, controller, delay=hold_delay(sample_time)))
+
+
+def loop_margins(loop: FactoredLoop) -> Margins:
+    """Find the margins of a factored loop, after deciding that it is stable.
+
+    Parameters
+    ----------
+    loop : FactoredLoop
+        Open loop.
+
+    Raises
+    ------
+    UnstableLoop
+        The closed loop is unstable or on the stability limit.
+    """
     unstable = count_unstable_poles(loop)
     if unstable:
         raise UnstableLoop(unstable)
