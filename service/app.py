@@ -9,9 +9,10 @@ from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 
 from service.access import Door
+from service.body_limit import BodyLimit
 from service.database import Database
 from service.exchange import Exchange
-from service.features import ROUTERS
+from service.features import ROUTERS, UPLOADS, upload_addresses
 from service.metrics import Metrics
 from service.migration import assert_ready
 from service.openapi import describe, docs_page
@@ -53,13 +54,21 @@ def create_app(settings: Settings | None = None, held: Database | None = None) -
         docs_url=None,  # FastAPI's own pages load scripts from a CDN; ours works offline
         redoc_url=None,
         lifespan=lifespan,
-        max_body_size=settings.max_body_bytes,
-        middleware=[Middleware(Exchange, metrics=metrics), Middleware(Door, held=held)],
+        middleware=[
+            Middleware(Exchange, metrics=metrics),
+            Middleware(Door, held=held),
+            Middleware(
+                BodyLimit,
+                limit=settings.max_body_bytes,
+                upload_limit=settings.max_upload_bytes,
+                uploads=upload_addresses(),
+            ),
+        ],
     )
     app.state.settings = settings
     app.state.database = held
     app.state.metrics = metrics
-    for router in ROUTERS:
+    for router in (*ROUTERS, *UPLOADS):
         app.include_router(router)
     add_problem_handlers(app)
     docs_page(app)

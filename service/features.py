@@ -1,8 +1,28 @@
-"""The resources of the API. A new feature adds its router here, and nothing else."""
+"""The resources of the API. A new feature adds its router here, and nothing else.
+
+Routers in UPLOADS take request bodies up to `max_upload_bytes`, all others up to `max_body_bytes`.
+"""
+
+import re
+
+from fastapi import APIRouter
+from fastapi.routing import APIRoute
+from starlette.routing import compile_path
 
 from service.audit.routes import router as audit
 from service.health import router as operation
 from service.keys.routes import router as keys
 from service.loops.routes import router as loops
 
-ROUTERS = (loops, keys, audit, operation)
+ROUTERS: tuple[APIRouter, ...] = (loops, keys, audit, operation)
+UPLOADS: tuple[APIRouter, ...] = ()
+
+
+def upload_addresses() -> list[re.Pattern[str]]:
+    """List the addresses that take bodies of the size of an upload."""
+    return [
+        compile_path(route.path)[0]
+        for router in UPLOADS
+        for route in router.routes
+        if isinstance(route, APIRoute)
+    ]

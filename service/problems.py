@@ -15,8 +15,10 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm.exc import StaleDataError
 from starlette.exceptions import HTTPException
+from starlette.routing import compile_path
 
-from loop.errors import LoopError
+from historian.errors import ExportTooLarge
+from loop.errors import DiskFull, LoopError, NoSamples, StoreBusy, StoreDamaged
 from service import errors
 from service.plain_json import plain
 
@@ -46,6 +48,11 @@ PROBLEMS: dict[type[Exception], Kind] = {
     errors.InvalidRequest: Kind(422, "invalid-request"),
     RequestValidationError: Kind(422, "invalid-request"),
     errors.NotReady: Kind(503, "not-ready"),
+    NoSamples: Kind(404, "no-samples"),
+    ExportTooLarge: Kind(413, "export-too-large"),
+    StoreDamaged: Kind(500, "store-damaged"),
+    StoreBusy: Kind(503, "store-busy"),
+    DiskFull: Kind(507, "storage-full"),
     OperationalError: Kind(503, "database-unavailable"),
     PoolTimeout: Kind(503, "database-unavailable"),
 }
@@ -71,6 +78,7 @@ _DETAILS = {
     "storage-full": "Nothing was stored. Make room and send it again.",
     "stale-version": "Read it again first.",
 }
+_HEADERS = {401: {"WWW-Authenticate": "Bearer"}, 503: {"Retry-After": "5"}}
 
 
 class FieldFault(BaseModel):
@@ -156,11 +164,10 @@ def answer_to(error: Exception) -> JSONResponse | None:
         return problem(kind, title="The request is not valid.", members={"errors": _faults(error)})
     if isinstance(error, HTTPException):
         return problem(kind, title=_TITLES[kind.slug], headers=error.headers)
+    headers = _HEADERS.get(kind.status)
     if isinstance(error, errors.ServiceError | LoopError):
-        headers = {"WWW-Authenticate": "Bearer"} if kind.status == 401 else None
         title = (type(error).__doc__ or kind.slug).partition("\n")[0]
         return problem(kind, title=title, detail=str(error), headers=headers, members=vars(error))
-    headers = {"Retry-After": "5"} if kind.status == 503 else None
     return problem(kind, title=_TITLES[kind.slug], detail=_DETAILS[kind.slug], headers=headers)
 
 
@@ -174,13 +181,21 @@ def internal_error(request_id: str) -> JSONResponse:
     )
 
 
+def too_large() -> JSONResponse:
+    """Answer a request whose body is beyond the limit."""
+    return problem(Kind(413, "content-too-large"), title=_TITLES["content-too-large"])
+
+
 def add_problem_handlers(app: FastAPI) -> None:
     """Answer every expected error with a problem document, and serve the page of each type."""
 
-    def known(_: Request, error: Exception) -> Response:
+    def known(request: Request, error: Exception) -> Response:
         answer = answer_to(error)
         if answer is None:
             raise error
+        if answer.status_code == 405:
+            # The framework names the methods of one route; the address may have several.
+            answer.headers["Allow"] = ", ".join(_methods(app, request.url.path)) or "GET"
         return answer
 
     for kind in (*PROBLEMS, LoopError, OSError, HTTPException):
@@ -192,6 +207,16 @@ def add_problem_handlers(app: FastAPI) -> None:
         if not text.is_file():
             raise errors.NotFound("problem type", slug)
         return PlainTextResponse(text.read_text("utf-8"), media_type="text/markdown")
+
+
+def _methods(app: FastAPI, path: str) -> list[str]:
+    """List the methods an address takes."""
+    return sorted(
+        method.upper()
+        for pattern, operations in app.openapi()["paths"].items()
+        if compile_path(pattern)[0].fullmatch(path)
+        for method in operations
+    )
 
 
 def _faults(error: RequestValidationError) -> list[dict[str, object]]:
