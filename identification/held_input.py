@@ -1,0 +1,182 @@
+"""A controller output that is held between moves, and a first-order lag's exact answer to it.
+
+Between two moves the answer of a lag is one decaying exponential, so a record with a few moves
+needs one exponential a sample, whatever the sampling and whatever fraction of a sample the dead
+time is. Nothing is discretised.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Self, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from loop.signals import Real
+
+Indices: TypeAlias = npt.NDArray[np.intp]
+
+# Time constants after which nothing is left (e^-100 = 4e-44); beyond, an exponential underflows,
+# which processors compute ten times slower.
+LONGEST = 100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeldInput:
+    """Output levels and the instants at which they change.
+
+    Attributes
+    ----------
+    instants : ndarray, shape (m,)
+        Times of the moves, increasing. [s]
+    levels : ndarray, shape (m + 1,)
+        Output before the first move and after each one. [OP]
+    """
+
+    instants: Real
+    levels: Real
+
+    def __post_init__(self) -> None:
+        if self.levels.size != self.instants.size + 1:
+            raise ValueError(
+                f"{self.instants.size} moves need {self.instants.size + 1} levels, "
+                f"got {self.levels.size}"
+            )
+        if np.any(np.diff(self.instants) <= 0):
+            raise ValueError("moves must follow each other in time")
+
+    @classmethod
+    def from_samples(cls, t: Real, op: Real, op_before: float | None = None) -> Self:
+        """Read every change of a sampled output as a move at the sample that shows it first.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n,)
+            Times. [s]
+        op : ndarray, shape (n,)
+            Output, without gaps. [OP]
+        op_before : float, optional
+            Output before the first sample, where it is known; where it differs from the first
+            sample the output moved at t[0]. [OP]
+        """
+        moved = np.flatnonzero(op[1:] != op[:-1]) + 1
+        instants, levels = t[moved], np.concatenate((op[:1], op[moved]))
+        if op_before is not None and op_before != op[0]:
+            instants, levels = np.append(t[0], instants), np.append(op_before, levels)
+        return cls(instants=instants, levels=levels)
+
+    @classmethod
+    def from_holds(cls, t: Real, op: Real, edges: Indices, op_before: float | None = None) -> Self:
+        """Average a noisy output over its holds.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n,)
+            Times. [s]
+        op : ndarray, shape (n,)
+            Output, without gaps. [OP]
+        edges : ndarray of int, shape (m,)
+            Samples at which a new hold begins, increasing; the first may be 0 where `op_before`
+            tells what was held until then.
+        op_before : float, optional
+            Output before the first sample. [OP]
+        """
+        starts = np.unique(np.append(0, edges))
+        means = np.add.reduceat(op, starts) / np.diff(starts, append=op.size)
+        if op_before is not None:
+            return cls(instants=t[starts], levels=np.append(op_before, means))
+        return cls(instants=t[starts[1:]], levels=means)
+
+    @property
+    def moves(self) -> int:
+        """How often the output changes."""
+        return self.instants.size
+
+
+def lag_states(held: HeldInput, tau: float) -> tuple[Real, Real]:
+    """Distance of the lag from the level it heads for, right after each move.
+
+    z_j = z_(j-1) e^(-(t_j - t_(j-1))/tau) - (u_j - u_(j-1)), starting at rest.
+
+    Returns
+    -------
+    z, dz : ndarray, shape (m + 1,)
+        The distance, and its derivative with respect to tau; the first entry is the rest
+        before the first move. [OP], [OP/s]
+    """
+    instants, levels = held.instants.tolist(), held.levels.tolist()
+    z, dz = [0.0], [0.0]
+    for j, instant in enumerate(instants):
+        gap = (instant - instants[j - 1]) / tau if j else 0.0
+        decay = math.exp(-gap)
+        dz.append((dz[j] + z[j] * gap / tau) * decay)
+        z.append(z[j] * decay - (levels[j + 1] - levels[j]))
+    return np.array(z), np.array(dz)
+
+
+def lag_response(
+    held: HeldInput,
+    t: Real,
+    tau: float,
+    theta: float,
+    *,
+    states: tuple[Real, Real] | None = None,
+    out: Real | None = None,
+) -> Real:
+    """Answer a held input with the lag e^(-theta s)/(tau s + 1), exactly.
+
+    x(t) = u_j + z_j e^(-(t - t_j - theta)/tau) between the moves j and j + 1.
+
+    Parameters
+    ----------
+    held : HeldInput
+        Input, at rest at its first level before its first move.
+    t : ndarray, shape (n,)
+        Times, increasing. [s]
+    tau : float
+        Time constant, positive. [s]
+    theta : float
+        Dead time; a negative one lets the answer precede the move. [s]
+    states : tuple of ndarray, optional
+        `lag_states(held, tau)`, where it is at hand.
+    out : ndarray, shape (3, n), optional
+        Where to put the answer.
+
+    Returns
+    -------
+    response : ndarray, shape (3, n)
+        The answer x as a deviation from the level before the first move [OP], and its derivatives
+        with respect to tau and theta [OP/s].
+    """
+    z, dz = states or lag_states(held, tau)
+    response = np.empty((3, t.size)) if out is None else out
+    x, d_tau, d_theta = response
+    arrivals = held.instants + theta
+    # Which move each sample follows; a stretch behind a single one needs no array for it.
+    first, last = np.searchsorted(arrivals, t[:: max(t.size - 1, 1)][:2], side="right")[[0, -1]]
+    if first == last:
+        behind: int | Indices = first
+        origin = arrivals[max(first - 1, 0)]
+    else:
+        edges = np.concatenate(([0], np.searchsorted(t, arrivals[first:last]), [t.size]))
+        behind = np.repeat(np.arange(first, last + 1), edges[1:] - edges[:-1])
+        origin = arrivals[np.maximum(behind - 1, 0)]
+    age = t - origin
+    age /= tau
+    if first == 0:  # nothing has arrived yet: z is 0 there, whatever the age
+        np.maximum(age, 0.0, out=age)
+    if age[-1] > LONGEST or first != last:
+        np.minimum(age, LONGEST, out=age)
+    np.negative(age, out=x)
+    np.exp(x, out=x)
+    if held.moves > 1:
+        np.multiply(x, dz[behind], out=d_tau)
+    x *= z[behind]
+    np.divide(x, tau, out=d_theta)
+    age *= d_theta
+    if held.moves > 1:
+        d_tau += age
+    else:
+        d_tau[:] = age
+    x += (held.levels - held.levels[0])[behind]
+    return response
