@@ -11,7 +11,8 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 
-# Beyond this, readers that keep numbers as doubles would see another integer.
+# Beyond this, readers that keep numbers as doubles may see another integer; such a one is refused
+# unless it is how a double itself is written.
 _LARGEST_INTEGER = 2**53 - 1
 
 
@@ -48,9 +49,9 @@ def _text(value: object) -> str:
         case None | bool() | str():
             return json.dumps(value, ensure_ascii=False)
         case int():
-            if abs(value) > _LARGEST_INTEGER:
-                raise ValueError(f"{value} is too large for a JSON number")
-            return str(value)
+            if abs(value) <= _LARGEST_INTEGER or _is_written_by_a_double(value):
+                return str(value)
+            raise ValueError("an integer is too large for a JSON number")
         case float():
             return _number(value)
         case Mapping():
@@ -61,6 +62,10 @@ def _text(value: object) -> str:
             return "[" + ",".join(map(_text, value)) + "]"
         case _:
             raise TypeError(f"{type(value).__name__} is not a JSON type")
+
+
+def _is_written_by_a_double(value: int) -> bool:
+    return abs(value) < 10**21 and str(value) == _number(float(value))
 
 
 def _number(value: float) -> str:
