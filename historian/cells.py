@@ -1,0 +1,281 @@
+"""Cells of one block as arrays: numbers at full speed, the odd cells one by one."""
+
+import csv
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv as pa_csv
+
+from historian.accounting import Ledger
+from historian.encoding import Block, text_of
+from historian.lines import clean_lines
+from historian.numbers import LARGEST, without_denormals
+from historian.options import Layout
+from historian.plan import Plan
+from historian.quality import bad_spellings
+from loop.signals import Flags, Real
+
+LineNumbers = npt.NDArray[np.int64]
+Places = npt.NDArray[np.int64]
+
+MOST_GAP_WORDS = 1000
+_NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
+_COMMA_NUMBER = r"^[+-]?([0-9]+,?[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
+
+
+@dataclass(slots=True)
+class Words:
+    """A column of few different words.
+
+    Attributes
+    ----------
+    places : ndarray of int, shape (n,)
+        Place of every cell in `words`.
+    words : list of str
+        The different words.
+    """
+
+    places: Places
+    words: list[str]
+
+
+@dataclass(slots=True)
+class Cells:
+    """Cells of one block.
+
+    Attributes
+    ----------
+    lines : ndarray of int64, shape (n,)
+        Line of every row.
+    numbers, words, times : dict of int to arrays of length n
+        Cells by column. Numbers are NaN where `odd` lists the row.
+    odd : dict of int to (rows, texts)
+        Cells of number columns that are not empty and no number, by column.
+    """
+
+    lines: LineNumbers
+    numbers: dict[int, Real]
+    words: dict[int, Words]
+    times: dict[int, pa.Array]
+    odd: dict[int, tuple[Places, Words]]
+
+    def time_text(self, column: int, row: int) -> str:
+        """Read one time cell as it stands in the file."""
+        cells = self.times[column]
+        if pa.types.is_dictionary(cells.type):
+            cells, row = cells.dictionary, cells.indices[row].as_py()
+        return bytes(cells[row].as_buffer()).decode("latin-1").strip()
+
+    def empty_in(self, column: int, used: Flags) -> int:
+        """Count the empty cells of a number column in the rows that are used."""
+        missing = np.isnan(self.numbers[column]) & used
+        if column in self.odd:
+            missing[self.odd[column][0]] = False
+        return int(np.count_nonzero(missing))
+
+
+class CellReader:
+    """Read the cells of block after block.
+
+    Parameters
+    ----------
+    plan : Plan
+        What every column is.
+    ledger : Ledger
+        Told of rejected lines.
+    """
+
+    def __init__(self, plan: Plan, ledger: Ledger) -> None:
+        self._plan = plan
+        self._ledger = ledger
+        self._width = plan.table.width
+        self._names = [str(column) for column in range(self._width)]
+        self._gap_words = dict.fromkeys(bad_spellings())
+        self._direct = not plan.numbers.thousands
+        self._used = sorted({*plan.number_columns, *plan.word_columns, *plan.time_columns})
+
+    def read(self, block: Block) -> Cells | None:
+        """Read one block; None where it holds no rows."""
+        data, lines = block.data, None
+        table = None
+        if b"\0" not in data:
+            table = self._parse(data, numbers_as_text=not self._direct)
+            count = data.count(b"\n") + (not block.terminated)
+            if table is not None and table.num_rows != count:
+                table = None
+            else:
+                lines = np.arange(block.first_line, block.first_line + count)
+        if table is None:
+            good = clean_lines(block, self._plan, self._ledger)
+            if not good.texts:
+                return None
+            lines = np.array(good.numbers)
+            data = b"\n".join(good.texts) + b"\n"
+            table = self._parse(data, numbers_as_text=not self._direct)
+            if table is None or table.num_rows != len(lines):
+                table = self._split_by_hand(good.texts)
+        assert lines is not None  # noqa: S101
+        return self._cells(table, data, lines)
+
+    def _parse(self, data: bytes, *, numbers_as_text: bool) -> pa.Table | None:
+        """Split a block with the fast reader; None where it cannot."""
+        try:
+            return self._parse_columns(data, self._used, numbers_as_text=numbers_as_text)
+        except pa.ArrowInvalid as error:
+            if numbers_as_text or "conversion error" not in str(error):
+                return None
+        return self._parse(data, numbers_as_text=True)
+
+    def _parse_columns(self, data: bytes, columns: list[int], *, numbers_as_text: bool) -> pa.Table:
+        few = pa.dictionary(pa.int32(), pa.string())
+        types: dict[str, pa.DataType] = {}
+        for column in columns:
+            if column in self._plan.number_columns:
+                kind = pa.string() if numbers_as_text else pa.float64()
+            elif column in self._plan.word_columns:
+                kind = few
+            else:
+                long = self._plan.assignment.layout is Layout.LONG
+                kind = few if long else pa.string()
+            types[str(column)] = kind
+        return pa_csv.read_csv(
+            pa.BufferReader(data),
+            read_options=pa_csv.ReadOptions(
+                column_names=self._names, block_size=len(data) + 1, use_threads=True
+            ),
+            parse_options=pa_csv.ParseOptions(delimiter=self._plan.table.delimiter),
+            convert_options=pa_csv.ConvertOptions(
+                check_utf8=False,
+                column_types=types,
+                include_columns=[str(column) for column in columns],
+                null_values=["", *self._gap_words],
+                strings_can_be_null=False,
+                decimal_point=self._plan.numbers.decimal,
+            ),
+        )
+
+    def _split_by_hand(self, texts: list[bytes]) -> pa.Table:
+        delimiter = self._plan.table.delimiter
+        rows = [
+            next(csv.reader([text_of(text, self._plan.encoding)], delimiter=delimiter), [])
+            for text in texts
+        ]
+        columns = {}
+        for column in self._used:
+            cells = [row[column] if column < len(row) else "" for row in rows]
+            array = pa.array(cells, pa.string())
+            few = column not in self._plan.number_columns and (
+                column in self._plan.word_columns or self._plan.assignment.layout is Layout.LONG
+            )
+            columns[str(column)] = array.dictionary_encode() if few else array
+        return pa.table(columns)
+
+    def _cells(self, table: pa.Table, data: bytes, lines: LineNumbers) -> Cells:
+        cells = Cells(lines=lines, numbers={}, words={}, times={}, odd={})
+        for column in self._plan.word_columns:
+            cells.words[column] = self._words(_joined(table, column))
+        for column in self._plan.time_columns:
+            cells.times[column] = _joined(table, column)
+        unsure: dict[int, Flags] = {}
+        for column in self._plan.number_columns:
+            array = _joined(table, column)
+            if pa.types.is_floating(array.type):
+                values = array.to_numpy(zero_copy_only=False)
+                usual = np.abs(values) <= LARGEST
+                if not usual.all():
+                    unsure[column] = ~usual
+                    values = values.copy()
+                cells.numbers[column] = values
+            else:
+                cells.numbers[column] = np.full(len(lines), np.nan)
+                self._settle(cells, column, array, np.arange(len(lines)))
+        if unsure:
+            self._look_again(cells, unsure, data)
+        for column, values in cells.numbers.items():
+            settled, zeros = without_denormals(values)
+            cells.numbers[column] = settled
+            if zeros:
+                self._ledger.zeroed[self._plan.table.names[column]] += zeros
+        return cells
+
+    def _words(self, array: pa.Array) -> Words:
+        dictionary = array.dictionary.cast(pa.binary())
+        words = [text_of(word, self._plan.encoding).strip() for word in dictionary.to_pylist()]
+        return Words(array.indices.to_numpy(zero_copy_only=False).astype(np.int64), words)
+
+    def _look_again(self, cells: Cells, unsure: dict[int, Flags], data: bytes) -> None:
+        """Read the rows with gaps once more, as text, to account for what stands in them."""
+        rows = np.flatnonzero(np.logical_or.reduce(list(unsure.values())))
+        part = _only_lines(data, rows)
+        table = self._parse_columns(part, sorted(unsure), numbers_as_text=True)
+        for column, flags in unsure.items():
+            chosen = flags[rows]
+            texts = _joined(table, column).filter(pa.array(chosen))
+            self._settle(cells, column, texts, rows[chosen])
+
+    def _settle(self, cells: Cells, column: int, texts: pa.Array, rows: Places) -> None:
+        """Read number cells from their text, exactly, and list the odd ones."""
+        values = cells.numbers[column]
+        texts = pc.ascii_trim_whitespace(texts)
+        readable = self._readable(texts)
+        numeric = readable.is_valid().to_numpy(zero_copy_only=False)
+        found = readable.drop_null().cast(pa.float64()).to_numpy(zero_copy_only=False)
+        values[rows[numeric]] = found
+        rest = np.flatnonzero(~numeric)
+        beyond = np.flatnonzero(numeric)[~(np.abs(found) <= LARGEST)]
+        words = self._words(
+            texts.take(pa.array(np.concatenate([rest, beyond]))).dictionary_encode()
+        )
+        rest_places = words.places[: rest.size]
+        left = np.ones(words.places.size, dtype=np.bool_)
+        for place, word in enumerate(words.words):
+            number = self._plan.numbers.read(word)
+            chosen = np.flatnonzero(rest_places == place)
+            if not word:
+                left[chosen] = False
+            elif number is not None and abs(number) <= LARGEST:
+                values[rows[rest[chosen]]] = number
+                left[chosen] = False
+            elif number is None and len(self._gap_words) < MOST_GAP_WORDS and word.isascii():
+                self._gap_words[word] = None
+        if left.any():
+            odd_rows = rows[np.concatenate([rest, beyond])[left]]
+            values[odd_rows] = np.nan
+            cells.odd[column] = (odd_rows, Words(words.places[left], words.words))
+
+    def _readable(self, texts: pa.Array) -> pa.Array:
+        """Rewrite numbers so that they can be cast; null where a cell is none."""
+        numbers = self._plan.numbers
+        if numbers.thousands:
+            mark = "\\" + numbers.thousands
+            grouped = rf"^[+-]?[0-9]{{1,3}}({mark}[0-9]{{3}})+([.,][0-9]*)?$"
+            bare = pc.replace_substring(texts, numbers.thousands, "")
+            texts = pc.if_else(_matches(texts, grouped), bare, texts)
+        pattern = _NUMBER
+        if numbers.decimal == ",":
+            pattern = _COMMA_NUMBER
+        fits = _matches(texts, pattern)
+        if numbers.decimal == ",":
+            texts = pc.replace_substring(texts, ",", ".")
+        return pc.if_else(fits, texts, pa.scalar(None, pa.string()))
+
+
+def _matches(texts: pa.Array, pattern: str) -> pa.Array:
+    return pc.match_substring_regex(texts.cast(pa.binary()), pattern)
+
+
+def _joined(table: pa.Table, column: int) -> pa.Array:
+    chunked = table.column(str(column))
+    if chunked.num_chunks == 1:
+        return chunked.chunk(0)
+    return chunked.combine_chunks()
+
+
+def _only_lines(data: bytes, rows: Places) -> bytes:
+    ends = np.flatnonzero(np.frombuffer(data, dtype=np.uint8) == ord("\n")) + 1
+    starts = np.concatenate([[0], ends])[rows].tolist()
+    stops = np.append(ends, len(data))[rows].tolist()
+    return b"".join(data[a:b] for a, b in zip(starts, stops, strict=True))

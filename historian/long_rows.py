@@ -1,0 +1,182 @@
+"""Rows of a long file, each one sample of one tag, sorted apart at the end."""
+
+from collections import Counter
+
+import numpy as np
+import numpy.typing as npt
+
+from historian.accounting import Ledger
+from historian.cell_meaning import account_odd_cells, blank_bad_quality, modes_of
+from historian.cells import Cells, Words
+from historian.errors import ExportRefused
+from historian.instants import InstantReader
+from historian.plan import Plan
+from historian.streams import Instants, Integers, LineMap, Stream, joined
+from historian.tag_map import Part, part_of
+from loop.signals import Flags, Real
+
+MOST_TAGS = 32_000
+
+
+class LongRows:
+    """Gather the samples of all tags.
+
+    Parameters
+    ----------
+    plan : Plan
+        What was decided.
+    ledger : Ledger
+        Collects the accounting.
+    instants : InstantReader
+        Reads the times.
+    rows_read : Counter
+        Told of the rows of every tag.
+    """
+
+    def __init__(
+        self, plan: Plan, ledger: Ledger, instants: InstantReader, rows_read: Counter[str]
+    ) -> None:
+        assert plan.assignment.long is not None  # noqa: S101
+        self._plan = plan
+        self._columns = plan.assignment.long
+        self._ledger = ledger
+        self._instants = instants
+        self._rows_read = rows_read
+        self._tags: dict[str, int] = {}
+        self._codes: list[npt.NDArray[np.int16]] = []
+        self._times: list[Instants] = []
+        self._values: list[Real] = []
+        self._lines = LineMap()
+
+    def append(self, cells: Cells) -> None:
+        """Append the rows of one block."""
+        words = cells.words[self._columns.tag]
+        instants, good, blank = self._instants.read(cells, self._columns.time)
+        footer = np.array([word.startswith("$RT_") for word in words.words])[words.places]
+        named = np.array([bool(word) for word in words.words])[words.places]
+        used = good & named & ~footer
+        self._count_rows(words, footer)
+        self._reject(cells, words, used | footer, named, blank)
+        values = self._settled(cells, words, used)
+        codes = self._coded(words)[words.places]
+        if not used.all():
+            codes, instants, values = codes[used], instants[used], values[used]
+        self._codes.append(codes)
+        self._times.append(instants)
+        self._values.append(values)
+        self._lines.extend(cells.lines if used.all() else cells.lines[used])
+
+    def _coded(self, words: Words) -> npt.NDArray[np.int16]:
+        for word in words.words:
+            if word not in self._tags:
+                self._tags[word] = len(self._tags)
+        if len(self._tags) > MOST_TAGS:
+            raise ExportRefused(
+                f"The tag column holds more than {MOST_TAGS:,} different names; it is no tag "
+                "column, state the right one with columns.tag.",
+                column=self._plan.table.names[self._columns.tag],
+            )
+        return np.array([self._tags[word] for word in words.words], dtype=np.int16)
+
+    def _count_rows(self, words: Words, footer: Flags) -> None:
+        counts = np.bincount(words.places, minlength=len(words.words)).tolist()
+        for word, count in zip(words.words, counts, strict=True):
+            if count and not word.startswith("$RT_"):
+                self._rows_read[word] += count
+        if footer.any():
+            self._ledger.passed_over["footers"] += int(np.count_nonzero(footer))
+
+    def _reject(self, cells: Cells, words: Words, used: Flags, named: Flags, blank: Flags) -> None:
+        for row in np.flatnonzero(~used).tolist():
+            tag = words.words[words.places[row]]
+            text = cells.time_text(self._columns.time.columns[-1], row)
+            reason = "the time is not in the format of the file"
+            if blank[row]:
+                reason = "there is no time"
+            elif not named[row]:
+                reason = "there is no tag"
+            self._ledger.reject_row(int(cells.lines[row]), text, reason, tag)
+
+    def _settled(self, cells: Cells, words: Words, used: Flags) -> Real:
+        """Give every value its meaning: number, gap, or mode."""
+        column = self._columns.value
+        values = cells.numbers[column]
+        modes = np.array([self._is_mode(word) for word in words.words], dtype=np.bool_)
+        rows = np.zeros(0, dtype=np.int64)
+        odd = Words(rows, [])
+        if column in cells.odd:
+            rows, odd = cells.odd[column]
+        if modes.any():
+            values = self._modes_set(values, modes[words.places] & used, rows, odd)
+            kept = ~modes[words.places[rows]]
+            rows, odd = rows[kept], Words(odd.places[kept], odd.words)
+        self._account(cells, words, rows, odd, values, used)
+        if self._columns.quality is not None:
+            for tag, where in self._by_tag(words, used):
+                values = blank_bad_quality(
+                    self._plan, self._ledger, tag, self._columns.quality,
+                    cells.words[self._columns.quality], values, cells.lines, where,
+                )  # fmt: skip
+        return values
+
+    def _by_tag(self, words: Words, used: Flags) -> list[tuple[str, Flags]]:
+        return [(word, used & (words.places == place)) for place, word in enumerate(words.words)]
+
+    def _is_mode(self, tag: str) -> bool:
+        stated = self._plan.options.columns.mode
+        if stated is not None:
+            return tag == stated
+        part = part_of(tag)
+        return part is not None and part.part is Part.MODE
+
+    def _modes_set(self, values: Real, where: Flags, rows: Integers, odd: Words) -> Real:
+        """Read the values of mode tags, numbers and words alike, as modes."""
+        chosen = np.flatnonzero(where)
+        texts = dict.fromkeys(chosen.tolist(), "")
+        for row, place in zip(rows.tolist(), odd.places.tolist(), strict=True):
+            if row in texts:
+                texts[row] = odd.words[place]
+        for row in chosen.tolist():
+            if np.isfinite(values[row]):
+                texts[row] = repr(float(values[row]))
+        different = list(dict.fromkeys(texts.values()))
+        order = {text: place for place, text in enumerate(different)}
+        places = np.array([order[texts[row]] for row in chosen.tolist()], dtype=np.int64)
+        every = np.ones(chosen.size, dtype=np.bool_)
+        values = values.copy()
+        if chosen.size:
+            values[chosen] = modes_of(self._plan, self._ledger, Words(places, different), every)
+        return values
+
+    def _account(
+        self, cells: Cells, words: Words, rows: Integers, odd: Words, values: Real, used: Flags
+    ) -> None:
+        missing = np.isnan(values) & used
+        missing[rows] = False
+        empty = np.bincount(words.places[missing], minlength=len(words.words)).tolist()
+        for tag, count in zip(words.words, empty, strict=True):
+            if count:
+                self._ledger.empty[tag] += count
+        tags = words.places[rows]
+        for place in np.unique(tags).tolist():
+            here = tags == place
+            account_odd_cells(
+                self._ledger, words.words[place], rows[here],
+                Words(odd.places[here], odd.words), cells.lines, used,
+            )  # fmt: skip
+
+    def finished(self) -> list[Stream]:
+        """Sort the samples apart by tag."""
+        if not self._codes:
+            return []
+        codes = joined(self._codes)
+        times, values = joined(self._times), joined(self._values)
+        order = np.argsort(codes, kind="stable")
+        ends = np.searchsorted(codes[order], np.arange(len(self._tags) + 1))
+        streams = []
+        for tag, code in self._tags.items():
+            rows = order[ends[code] : ends[code + 1]]
+            if rows.size:
+                lines = self._lines.of(rows)
+                streams.append(Stream(times[rows], lines, {tag: values[rows]}))
+        return streams
