@@ -1,13 +1,9 @@
-"""Every rule's settings against a table computed elsewhere from the published formulas.
+"""The formulas of the rules against derivations, limits and printed examples.
 
-Second route: `tests/reference/rules_computed.csv` was computed from the formulas by other code, to
-five decimals, at K = tau = 1 and five values of theta/tau.
+The columns for first-order processes are held to a table in `test_rules_computed.py`.
 """
 
-import csv
 import math
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -22,69 +18,6 @@ from tuning.simc import (
     simc_pid,
     simc_second_order_pid,
 )
-
-TABLE = Path(__file__).parents[1] / "reference" / "rules_computed.csv"
-
-# Name in the table -> rule, structure and tau_c in units of (tau, theta); None where it has none.
-COLUMNS: dict[str, tuple[str, str, tuple[float, float] | None]] = {
-    "ZN-RC P": ("ziegler_nichols_reaction_curve", "P", None),
-    "ZN-RC PI": ("ziegler_nichols_reaction_curve", "PI", None),
-    "ZN-RC PID": ("ziegler_nichols_reaction_curve", "PID", None),
-    "ZN-ult P": ("ziegler_nichols_ultimate", "P", None),
-    "ZN-ult PI": ("ziegler_nichols_ultimate", "PI", None),
-    "ZN-ult PID": ("ziegler_nichols_ultimate", "PID", None),
-    "CC P": ("cohen_coon", "P", None),
-    "CC PI": ("cohen_coon", "PI", None),
-    "CC PD": ("cohen_coon", "PD", None),
-    "CC PID": ("cohen_coon", "PID", None),
-    "TL PI": ("tyreus_luyben", "PI", None),
-    "TL PID": ("tyreus_luyben", "PID", None),
-    "IMC PI eps=1.7th": ("imc_pi", "PI", (0, 1.7)),
-    "IMC impPI eps=1.7th": ("imc_improved_pi", "PI", (0, 1.7)),
-    "IMC PID eps=.8th": ("imc_pid", "PID", (0, 0.8)),
-    "lambda=tau PI": ("lambda_pi", "PI", (1, 0)),
-    "lambda=3tau PI": ("lambda_pi", "PI", (3, 0)),
-    "lambda=3th PI": ("lambda_pi", "PI", (0, 3)),
-    "SIMC PI tc=th": ("simc", "PI", (0, 1)),
-    "iSIMC PI tc=th": ("isimc", "PI", (0, 1)),
-    "AMIGO PI": ("amigo", "PI", None),
-    "AMIGO PID": ("amigo", "PID", None),
-}
-
-
-def _rows() -> Iterator[dict[str, str]]:
-    with TABLE.open(encoding="utf-8") as lines:
-        next(lines)  # the comment
-        yield from csv.DictReader(lines)
-
-
-ROWS = [row for row in _rows() if row["rule"] in COLUMNS]
-
-
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['rule']}-{row['theta_over_tau']}")
-def test_settings_are_those_of_the_table(row: dict[str, str]) -> None:
-    rule, structure, speed = COLUMNS[row["rule"]]
-    theta = float(row["theta_over_tau"])
-    tau_c = speed[0] + speed[1] * theta if speed else None
-    pid = RULES[rule].structures[structure](FOPDT(K=1.0, tau=1.0, theta=theta), tau_c)
-
-    assert pid.Kc == pytest.approx(float(row["KcK"]), abs=6e-6)
-    assert pid.Ti == pytest.approx(float(row["Ti_over_tau"]), abs=6e-6)
-    assert pid.Td == pytest.approx(float(row["Td_over_tau"]), abs=6e-6)
-    assert pid.structure == structure
-
-
-def test_every_published_rule_for_first_order_models_has_rows_in_the_table() -> None:
-    in_table = {(rule, structure) for rule, structure, _ in COLUMNS.values()}
-    covered = {
-        (rule.name, structure)
-        for rule in RULES.values()
-        for structure, types in rule.takes.items()
-        if "FOPDT" in types
-    }
-    elsewhere = {("imc_pid_with_lag", "PID"), ("isimc", "PID")}  # below, and in the margins
-    assert in_table == covered - elsewhere
-    assert {row["rule"] for row in ROWS} == set(COLUMNS)
 
 
 def test_the_two_imc_pid_columns_keep_their_own_denominators() -> None:

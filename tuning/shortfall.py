@@ -1,0 +1,193 @@
+"""How a loop misses a profile: which limit, by how much, on which plant, in words."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from loop.margin_batch import MarginBatch
+from loop.signals import Flags, Real
+from tuning.profiles import Profile
+from tuning.sweep import Sweep
+
+Plants: TypeAlias = npt.NDArray[np.intp]
+
+# Name of a margin in a sentence, and whether small values are the bad ones.
+MARGIN_NAMES: Mapping[str, tuple[str, bool]] = MappingProxyType(
+    {
+        "gain": ("gain margin", True),
+        "phase": ("phase margin", True),
+        "delay": ("delay margin", True),
+        "Ms": ("Ms", False),
+        "Mt": ("Mt", False),
+    }
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Failure:
+    """A target that a loop misses, and the plant it is on.
+
+    Attributes
+    ----------
+    target : str
+        "stable", "gain", "phase", "Ms", "delay" or "Mt".
+    value : float
+        What the loop has there, in the unit of the margin; the number 0 for "stable".
+    limit : float
+        What the profile asks for, in the same unit.
+    overrun : float
+        How far the limit is broken, as a ratio above 1; infinite for an unstable loop. [-]
+    parameter : str or None
+        Parameter that is off, None at the model.
+    factor : float
+        Its factor, 1 at the model. [-]
+    sentence : str
+        All of it in words.
+    """
+
+    target: str
+    value: float
+    limit: float
+    overrun: float
+    parameter: str | None
+    factor: float
+    sentence: str
+
+
+def profile_holds(sweep: Sweep, found: MarginBatch, profile: Profile) -> Flags:
+    """Decide for each loop of a batch whether every limit of the profile holds.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Plants, shape (n,).
+    found : MarginBatch, shape (m, n)
+        Margins of m controllers on them.
+    profile : Profile
+        Limits on the margins.
+
+    Returns
+    -------
+    ndarray of bool, shape (m, n)
+    """
+    holds = found.stable.copy()
+    for name, limits in _limits(sweep, profile).items():
+        values = getattr(found, name)
+        holds &= values >= limits if MARGIN_NAMES[name][1] else values <= limits
+    return np.asarray(holds)
+
+
+def _limits(sweep: Sweep, profile: Profile) -> Mapping[str, Real]:
+    """Limits by margin, one for each plant; a delay margin is held to its own plant's dead time."""
+    one = np.ones(sweep.plants.shape)
+    limits: dict[str, Real] = {
+        "gain": profile.gain * one,
+        "phase": profile.phase * one,
+        "Ms": profile.Ms * one,
+    }
+    if profile.delay_over_theta is not None:
+        limits["delay"] = profile.delay_over_theta * sweep.plants.theta
+    if profile.Mt is not None:
+        limits["Mt"] = profile.Mt * one
+    return limits
+
+
+def first_failure(
+    sweep: Sweep, found: MarginBatch, broken: Plants, profile: Profile
+) -> Failure | None:
+    """Describe what gives way at the smallest error of the model.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Plants, shape (n,).
+    found : MarginBatch, shape (n,)
+        Margins of one controller on them.
+    broken : ndarray of int
+        Plants on which the profile does not hold.
+    profile : Profile
+        Limits on the margins.
+    """
+    error = np.abs(sweep.factors[broken] - 1).max(axis=1, initial=0.0).round(9)
+    return gravest_failure(sweep, found, broken[error == error.min(initial=math.inf)], profile)
+
+
+def gravest_failure(
+    sweep: Sweep, found: MarginBatch, broken: Plants, profile: Profile
+) -> Failure | None:
+    """Describe what is broken by most; instability outranks every limit.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Plants, shape (n,).
+    found : MarginBatch, shape (n,)
+        Margins of one controller on them.
+    broken : ndarray of int
+        Plants on which the profile does not hold.
+    profile : Profile
+        Limits on the margins.
+    """
+    if not broken.size:
+        return None
+    unstable = broken[~found.stable[broken]]
+    if unstable.size:
+        plant = int(unstable[0])
+        parameter, factor = sweep.moved(plant)
+        return Failure(
+            target="stable",
+            value=0.0,
+            limit=0.0,
+            overrun=math.inf,
+            parameter=parameter,
+            factor=factor,
+            sentence=f"the loop is unstable {sweep.where(plant)}",
+        )
+    overrun, name, plant = max(
+        (float(_overrun(name, getattr(found, name), limits)[plant]), name, int(plant))
+        for name, limits in _limits(sweep, profile).items()
+        for plant in broken
+    )
+    value, limit = float(getattr(found, name)[plant]), float(_limits(sweep, profile)[name][plant])
+    parameter, factor = sweep.moved(plant)
+    return Failure(
+        target=name,
+        value=value,
+        limit=limit,
+        overrun=overrun,
+        parameter=parameter,
+        factor=factor,
+        sentence=_sentence(name, value, limit, sweep.where(plant)),
+    )
+
+
+def _overrun(name: str, values: Real, limits: Real) -> Real:
+    """How far limits are broken, as a ratio above 1 where they are. [-]"""
+    if MARGIN_NAMES[name][1]:
+        # Nothing is asked of a delay margin where there is no dead time.
+        beyond = np.where(limits > 0, math.inf, 0.0)
+        return np.asarray(np.divide(limits, values, out=beyond, where=(limits > 0) & (values > 0)))
+    return np.asarray(values / limits)
+
+
+def _sentence(name: str, value: float, limit: float, where: str) -> str:
+    title, small_is_bad = MARGIN_NAMES[name]
+    digits = 4
+    while f"{value:.{digits}g}" == f"{limit:.{digits}g}":  # they differ, so this ends
+        digits += 1
+    shown, asked = f"{value:.{digits}g}", f"{limit:.{max(digits, 4)}g}"
+    if name == "gain":
+        shown, asked = f"{shown} ({decibels(value)})", f"{asked} ({decibels(limit)})"
+    unit = {"phase": "°", "delay": " s"}.get(name, "")
+    subject, side = (f"the {title}", "below") if small_is_bad else (title, "above")
+    return f"{subject} is {shown}{unit} {where}, {side} {asked}{unit}"
+
+
+def decibels(gain: float) -> str:
+    """Print a gain margin in dB."""
+    return f"{20 * math.log10(gain):.1f} dB" if gain < math.inf else "infinite"
