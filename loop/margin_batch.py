@@ -9,6 +9,7 @@ import numpy.typing as npt
 from loop.batch import MarginBatch, PIDBatch, ProcessBatch
 from loop.errors import UnstableLoop
 from loop.factors import FactoredLoop, polynomial_roots
+from loop.falling_batch import falling_margins
 from loop.lag_loops import LagLoops
 from loop.margins import Margins, loop_margins
 from loop.scan_batch import scan_margins
@@ -57,7 +58,12 @@ def batch_margins(
 
 
 def _margins(loops: LagLoops) -> MarginBatch:
-    found = scan_margins(loops)
+    found, proven = falling_margins(loops)
+    rest = np.flatnonzero(~proven)
+    if rest.size:
+        scanned = scan_margins(loops.take(rest))
+        for item in fields(MarginBatch):
+            getattr(found, item.name)[rest] = getattr(scanned, item.name)
     # Without dead time a gain that never falls ends on the real axis: rare, and left to the scalar.
     for row in np.flatnonzero((loops.theta == 0) & (loops.excess <= 0)):
         one = _one(loops, int(row))

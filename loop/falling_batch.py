@@ -1,0 +1,340 @@
+"""Margins of many ordinary loops at once: those whose gain falls all the way.
+
+Then there is one gain crossover, and the loop is stable exactly if the phase there is above -180°.
+The first phase crossover above it is reached by steps that cannot pass it. That no other lies below
+is proven between neighbouring points, and what cannot be proven is handed back to the full scan.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from loop.batch import MarginBatch
+from loop.lag_loops import LagLoops
+from loop.signals import Flags, Real
+from loop.stability import ON_THE_AXIS
+
+# Powers of time constants, in units of the dead time, stay far from overflow within these.
+LARGEST_RATIO = 1e8
+LARGEST_LOG_SQUARE = 55.0
+STEPS = 14
+SAFE_STEPS = 2
+CLOSE = 1e-7
+PEAK_ACCURACY = 1e-8
+# Below this part of the lowest corner |T| differs from its start by the fourth power at most.
+ASYMPTOTE = 3e-3
+BELOW = (np.arange(28, 0, -1) / 28) ** 2
+ABOVE = np.arange(17) / 15
+# Summits this close to the highest, point by point, might be the higher ones between them.
+RIVAL = 0.64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shape:
+    """Loops in units of their dead time, with |1 + b s + c s^2|^2 = 1 + beta x + c2 x^2."""
+
+    log_k: Real
+    order: Real
+    b: Real
+    c: Real
+    beta: Real
+    c2: Real
+    lags: tuple[Real, ...]
+
+    @classmethod
+    def of(cls, loops: LagLoops) -> Self:
+        b, c = loops.b / loops.theta, loops.c / (loops.theta * loops.theta)
+        return cls(
+            log_k=loops.log_k + loops.order * np.log(loops.theta),
+            order=loops.order,
+            b=b,
+            c=c,
+            beta=b * b - 2 * c,
+            c2=c * c,
+            lags=tuple(T / loops.theta for T in loops.lags),
+        )
+
+    def arranged(self, change: Callable[[Real], Real]) -> "_Shape":
+        """Pick, repeat or reshape the loops."""
+        return _Shape(
+            change(self.log_k),
+            change(self.order),
+            change(self.b),
+            change(self.c),
+            change(self.beta),
+            change(self.c2),
+            tuple(change(T) for T in self.lags),
+        )
+
+    def lead(self, w: Real, x: Real) -> Real:
+        """Phase that the zeros add. [rad]"""
+        return np.arctan2(self.b * w, 1 - self.c * x)
+
+    def lag(self, w: Real) -> Real:
+        """Phase that lags and dead time take. [rad]"""
+        total = w
+        for T in self.lags:
+            total = total + np.arctan(T * w)
+        return total
+
+    def above(self, w: Real) -> Real:
+        """Phase above -180°. [rad]"""
+        return self.lead(w, w * w) - self.lag(w) + (1 - 0.5 * self.order) * math.pi
+
+    def lead_rate(self, x: Real, zeros: Real) -> Real:
+        """Return d lead / dw, `zeros` being |1 + b s + c s^2|^2."""
+        return self.b * (1 + self.c * x) / zeros
+
+    def lag_rate(self, x: Real) -> Real:
+        """Return d lag / dw; it falls with w, so that steps over it never go too far."""
+        rate: Real = np.ones(1)
+        for T in self.lags:
+            rate = rate + T / (1 + T * T * x)
+        return rate
+
+    def zeros(self, x: Real) -> Real:
+        """|1 + b s + c s^2|^2 on the imaginary axis."""
+        return 1 + x * (self.beta + self.c2 * x)
+
+
+def falling_margins(loops: LagLoops) -> tuple[MarginBatch, Flags]:
+    """Find the margins of the loops whose gain provably falls all the way.
+
+    Parameters
+    ----------
+    loops : LagLoops
+        Open loops, shape (n,).
+
+    Returns
+    -------
+    margins : MarginBatch
+        Margins of shape (n,), meaningless where not proven.
+    proven : ndarray of bool, shape (n,)
+        Loops whose margins are final.
+    """
+    n = loops.size
+    proven, stable = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    gain, phase, delay = np.zeros(n), np.zeros(n), np.zeros(n)
+    Ms, Mt = np.full(n, math.inf), np.full(n, math.inf)
+    rows = np.flatnonzero(_falls(loops))
+    if rows.size:
+        shape = _Shape.of(loops if rows.size == n else loops.take(rows))
+        w, crossed = _gain_crossover(shape)
+        above = shape.above(w)
+        proven[rows[crossed & (above < ON_THE_AXIS)]] = True
+        kept = np.flatnonzero(crossed & (above >= ON_THE_AXIS))
+        if kept.size:
+            rows = rows[kept]
+            found = _stable_margins(shape.arranged(lambda a: a[kept]), w[kept], above[kept])
+            gain[rows], phase[rows], delay[rows], Ms[rows], Mt[rows], proven[rows] = found
+            delay[rows] *= loops.theta[rows]
+            stable[rows] = True
+    margins = MarginBatch(
+        stable=stable,
+        gain=gain,
+        gain_reduction=np.zeros(n),
+        phase=phase,
+        delay=delay,
+        Ms=Ms,
+        Mt=Mt,
+    )
+    return margins, proven
+
+
+def _falls(loops: LagLoops) -> Flags:
+    """Whether |L| falls at every frequency, from above 1 to 0, by a sufficient condition.
+
+    d ln|L|^2/d ln x = (beta x + 2 c^2 x^2)/(1 + beta x + c^2 x^2) - order - sum T^2 x/(1 + T^2 x).
+    """
+    theta = loops.theta
+    slowest = np.zeros_like(theta)
+    for T in loops.lags:
+        slowest = np.maximum(slowest, T)
+    beta = loops.b * loops.b - 2 * loops.c
+    lag_wins = loops.c * loops.c <= beta * slowest * slowest
+    no_second_zero = (loops.c == 0) & ((loops.order >= 1) | (loops.b <= slowest))
+    falls = no_second_zero | ((beta >= 0) & ((loops.order >= 2) | ((loops.order == 1) & lag_wins)))
+    longest = np.maximum(np.maximum(slowest, loops.b), np.sqrt(loops.c))
+    sane = (theta > 0) & (longest <= LARGEST_RATIO * theta)
+    return np.asarray(
+        falls
+        & sane
+        & (loops.sign > 0)
+        & (loops.excess >= 1)
+        & (loops.order <= 2)
+        & ((loops.order >= 1) | (loops.log_k > ON_THE_AXIS))
+    )
+
+
+def _gain_crossover(shape: _Shape) -> tuple[Real, Flags]:
+    """Solve |L| = 1 by Newton's method on the Bode plot; also whether that converged."""
+    u = np.clip(2 * shape.log_k / np.maximum(shape.order, 1.0), -20.0, 20.0)
+    step = np.full(u.shape, math.inf)
+    for _ in range(STEPS):
+        x = np.exp(u)
+        zeros = shape.zeros(x)
+        slope = x * (shape.beta + 2 * shape.c2 * x) / zeros - shape.order
+        product: Real = np.ones(1)
+        for T in shape.lags:
+            bend = T * T * x
+            product = product * (1 + bend)
+            slope = slope - bend / (1 + bend)
+        level = 2 * shape.log_k - shape.order * u + np.log(zeros / product)
+        step = np.clip(level / np.minimum(slope, -1e-6), -8.0, 8.0)
+        u = np.clip(u - step, -LARGEST_LOG_SQUARE, LARGEST_LOG_SQUARE)
+        if np.max(np.abs(step)) < CLOSE:
+            break
+    return np.exp(0.5 * u), (np.abs(step) < CLOSE) & (np.abs(u) < LARGEST_LOG_SQUARE)
+
+
+def _phase_crossover(shape: _Shape, w: Real, above: Real) -> tuple[Real, Flags]:
+    """Solve for phase -180° upwards from the gain crossover; also whether that converged."""
+    change = above
+    for count in range(STEPS):
+        x = w * w
+        lag_rate = shape.lag_rate(x)
+        rate = lag_rate
+        if count >= SAFE_STEPS:
+            whole = lag_rate - shape.lead_rate(x, shape.zeros(x))
+            rate = np.where(whole > 0.05 * lag_rate, whole, lag_rate)
+        change = above / rate
+        w = np.maximum(w + change, 0.5 * w)
+        if np.max(np.abs(change) / w) < CLOSE:
+            break
+        above = shape.above(w)
+    return w, np.abs(change) < CLOSE * w
+
+
+def _stable_margins(
+    shape: _Shape, w: Real, above: Real
+) -> tuple[Real, Real, Real, Real, Real, Flags]:
+    """Gain, phase and delay margin (in dead times), Ms, Mt, and whether they are proven."""
+    w180, converged = _phase_crossover(shape, w, above)
+    u, u180 = 2 * np.log(w), 2 * np.log(w180)
+    start = np.minimum(u, -2 * np.log(_longest(shape))) + 2 * math.log(ASYMPTOTE)
+    points = np.concatenate(
+        [u[:, None] - (u - start)[:, None] * BELOW, u[:, None] + (u180 - u)[:, None] * ABOVE],
+        axis=1,
+    )
+    S, T, size, clear = _on_points(shape.arranged(lambda a: a[:, None]), points)
+    Ms2, Mt2, found = _lowest(shape, points, S, T)
+    k = np.exp(np.minimum(shape.log_k, 300.0))
+    T0 = np.where(shape.order > 0, 1.0, k / (1 + k))
+    return (
+        1 / size,
+        np.degrees(np.minimum(above, 2 * math.pi - above)),
+        above / w,
+        np.maximum(1.0, 1 / np.sqrt(Ms2)),
+        np.maximum(T0, 1 / np.sqrt(Mt2)),
+        converged & clear & found,
+    )
+
+
+def _longest(shape: _Shape) -> Real:
+    """Longest time that bends the Bode plot. [dead times]"""
+    longest = np.maximum(np.maximum(1.0, shape.b), np.sqrt(shape.c))
+    for T in shape.lags:
+        longest = np.maximum(longest, T)
+    return longest
+
+
+def _on_points(shape: _Shape, u: Real) -> tuple[Real, Real, Real, Flags]:
+    """1/|S|^2 and 1/|T|^2 on points, |L| on the last but one, and whether no crossover is below.
+
+    Between neighbours i and j the phase is above lead(i) - lag(j), both being rising functions, and
+    has no dip where its slope keeps its sign.
+    """
+    x = np.exp(u)
+    w, zeros = np.sqrt(x), shape.zeros(x)
+    lead, lag = shape.lead(w, x), shape.lag(w)
+    product: Real = np.ones(1)
+    drop: Real = np.ones(1)
+    for T in shape.lags:
+        bend = 1 + T * T * x
+        product = product * bend
+        drop = drop + T / bend
+    r2 = np.exp(2 * shape.log_k - shape.order * u) * zeros / product
+    r = np.sqrt(r2)
+    base = (1 - 0.5 * shape.order) * math.pi
+    S = 1 + r2 - 2 * r * np.cos(lead - lag + base)
+    # The last point lies beyond the crossover.
+    here, there = slice(0, -2), slice(1, -1)
+    rise = shape.b * (1 + shape.c * x)
+    falls = rise[:, there] < drop[:, there] * zeros[:, here]
+    climbs = rise[:, here] > drop[:, here] * zeros[:, there]
+    clear = falls | climbs | (lead[:, here] + base > lag[:, there])
+    # Before the first point only lags act: the loop starts above -180° or rises from it.
+    order, start = shape.order[:, 0], drop[:, 0] * zeros[:, 0]
+    first = np.where(order < 2, base[:, 0] > lag[:, 0], shape.b[:, 0] > start)
+    return S, S / r2, r[:, -2], first & np.all(clear, axis=1)
+
+
+def _lowest(shape: _Shape, points: Real, S: Real, T: Real) -> tuple[Real, Real, Flags]:
+    """Least 1/|S|^2 and 1/|T|^2: a parabola through every deep dip, then Newton's method."""
+    n = points.shape[0]
+    values = np.concatenate([S, T])
+    least = np.min(values, axis=1)
+    inner = values[:, 1:-1]
+    dips = (inner < values[:, :-2]) & (inner <= values[:, 2:])
+    row, at = np.nonzero(dips & (RIVAL * inner <= least[:, None]))
+    loop = np.where(row < n, row, row - n)
+    three = at[:, None] + np.arange(3)
+    v, around = _vertices(points[loop[:, None], three], values[row[:, None], three])
+    shape = shape.arranged(lambda a: a[loop])
+    way = np.where(row < n, 1.0, -1.0)
+    for _ in range(STEPS):
+        f, slope, bend = _distance(shape, v, way)
+        step = -slope / np.where(bend > 0, bend, np.inf)
+        # Along the step the slope falls to zero in a straight line.
+        change = 0.5 * slope * step
+        v = v + np.clip(step, -around, around)
+        if np.max(np.abs(change) / f) < PEAK_ACCURACY:
+            break
+    settled = (bend > 0) & (np.abs(change) < PEAK_ACCURACY * f)
+    found = np.ones(2 * n, dtype=bool)
+    found[row[~settled]] = False
+    np.minimum.at(least, row, f + change)
+    return least[:n], least[n:], found[:n] & found[n:]
+
+
+def _vertices(points: Real, values: Real) -> tuple[Real, Real]:
+    """Lowest points of parabolas through three points each, in ln w, and half their width."""
+    left, v, right = 0.5 * points.T
+    before = (values[:, 1] - values[:, 0]) / (v - left)
+    after = (values[:, 2] - values[:, 1]) / (right - v)
+    width = 0.5 * (right - left)
+    return 0.5 * (left + v) - width * before / (after - before), width
+
+
+def _distance(shape: _Shape, v: Real, way: Real) -> tuple[Real, Real, Real]:
+    """1/|S|^2 (way 1) or 1/|T|^2 (way -1) at ln w = v, with its first and second derivative.
+
+    |T| is |S| with 1/L for L.
+    """
+    w = np.exp(v)
+    x = w * w
+    zeros = shape.zeros(x)
+    bump = x * (shape.beta + 2 * shape.c2 * x) / zeros
+    rho, rho_rate = bump - shape.order, x * (shape.beta + 4 * shape.c2 * x) / zeros - bump * bump
+    lead = w * shape.lead_rate(x, zeros)
+    turn = lead - w
+    turn_rate = lead * (1 - 2 * bump) + 2 * w * shape.b * shape.c * x / zeros - w
+    product: Real = np.ones(1)
+    for T in shape.lags:
+        bend = T * T * x
+        product = product * (1 + bend)
+        bend = bend / (1 + bend)
+        angle = w * T * (1 - bend)
+        rho, rho_rate = rho - bend, rho_rate - bend * (1 - bend)
+        turn, turn_rate = turn - angle, turn_rate - angle * (1 - 2 * bend)
+    r = np.exp(way * (shape.log_k - shape.order * v + 0.5 * np.log(zeros / product)))
+    above = shape.above(w)
+    cos, sin = -np.cos(above), -np.sin(above)
+    rho, rho_rate = way * rho, 2 * way * rho_rate
+    slope = rho * (cos + r) - turn * sin
+    bend = rho_rate * (cos + r) + rho * (rho * r - turn * sin) - turn_rate * sin - turn * turn * cos
+    f = (1 + r * cos) ** 2 + (r * sin) ** 2
+    return f, 2 * r * slope, 2 * r * (bend + rho * slope)
