@@ -121,8 +121,8 @@ class StoreDamaged(LoopError):
 class DiskFull(LoopError):
     """The disk has no room for the samples; nothing was stored."""
 
-    def __init__(self, reason: str) -> None:
+    def __init__(self) -> None:
         super().__init__(
-            f"The disk of the sample store cannot take the samples: {reason}. Nothing was stored."
+            "The disk that holds the samples is full. Nothing was stored. "
+            "Make room and send it again."
         )
-        self.reason = reason
