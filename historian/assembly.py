@@ -116,9 +116,8 @@ class Assembly:
 
     def export(self) -> Export:
         """Find the loops and close the account."""
-        members, incomplete = find_members(
-            self._signals, self._plan.table.names, self._plan.options
-        )
+        columns = {s.column + 1: s.tag for s in self._plan.assignment.signals}
+        members, incomplete = find_members(self._signals, columns, self._plan.options)
         if len(members) == 1 and self._plan.options.tag is not None:
             members = [Membership(loop=self._plan.options.tag, tags=members[0].tags)]
         loops = {member.loop: self._loop(member) for member in members}

@@ -6,8 +6,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from historian.assignment import TimeColumns
 from historian.cells import Cells
-from historian.layout import TimeColumns
 from historian.numbers import LARGEST
 from historian.plan import Plan
 from historian.streams import Instants, Integers

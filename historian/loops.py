@@ -1,6 +1,6 @@
 """Put the signals of each loop on the times of its process variable."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from historian.errors import AmbiguousColumns, ColumnNotFound, ExportRefused
 from historian.export import TagSignal
 from historian.options import ReadOptions
-from historian.tag_map import Part, group_by_loop
+from historian.tag_map import Part, group_by_loop, split_unit
 from loop.record import Mode
 from loop.signals import Codes, Real
 
@@ -32,16 +32,16 @@ class Membership:
 
 
 def find_members(
-    signals: Mapping[str, TagSignal], names: tuple[str, ...], options: ReadOptions
+    tags: Iterable[str], columns: Mapping[int, str], options: ReadOptions
 ) -> tuple[list[Membership], dict[str, ExportRefused]]:
     """Find the loops among the tags.
 
     Parameters
     ----------
-    signals : mapping
-        Signals by tag.
-    names : tuple of str
-        Columns of the file, for parts that are stated by number.
+    tags : iterable of str
+        Tags of the file.
+    columns : mapping of int to str
+        Tag of each value column, counted from 1, for parts that are stated by number.
     options : ReadOptions
         Parts as the user states them.
 
@@ -52,82 +52,79 @@ def find_members(
     incomplete : dict of str to ExportRefused
         Why other loops are no records.
     """
+    tags = tuple(tags)
     stated = {part: getattr(options.columns, part.value) for part in Part}
     if stated[Part.PV] is not None or stated[Part.OP] is not None:
-        return _stated(signals, names, stated, options)
+        return _stated(tags, columns, stated, options.tag)
     members: list[Membership] = []
     incomplete: dict[str, ExportRefused] = {}
-    for name, parts in group_by_loop(signals).items():
-        tag = name or options.tag or ""
-        twice = next(((part, found) for part, found in parts.items() if len(found) > 1), None)
-        missing = [part for part in (Part.PV, Part.OP) if part not in parts]
-        if twice is not None:
-            part, found = twice
-            incomplete[tag] = AmbiguousColumns(
-                f"the {part.value} of loop {tag!r}", tuple(found), _OPTION.format(part=part.value)
-            )
-        elif missing:
-            incomplete[tag] = ColumnNotFound(
-                f"the {missing[0].value} of loop {tag!r}",
-                tuple(signals),
-                _OPTION.format(part=missing[0].value),
-            )
+    for name, parts in group_by_loop(tags).items():
+        loop = name or options.tag or ""
+        refusal = _refusal(loop, parts, tags)
+        if refusal is not None:
+            incomplete[loop] = refusal
         else:
-            members.append(
-                Membership(loop=tag, tags={part: found[0] for part, found in parts.items()})
-            )
+            found = {part: names[0] for part, names in parts.items()}
+            members.append(Membership(loop=loop, tags=found))
     return members, incomplete
 
 
+def _refusal(
+    loop: str, parts: Mapping[Part, list[str]], tags: tuple[str, ...]
+) -> ExportRefused | None:
+    named = f" of loop {loop!r}" if loop else ""
+    for part, found in parts.items():
+        if len(found) > 1:
+            return AmbiguousColumns(
+                f"the {part.value}{named}", tuple(found), _OPTION.format(part=part.value)
+            )
+    for part in (Part.PV, Part.OP):
+        if part not in parts:
+            return ColumnNotFound(f"the {part.value}{named}", tags, _OPTION.format(part=part.value))
+    return None
+
+
 def _stated(
-    signals: Mapping[str, TagSignal],
-    names: tuple[str, ...],
+    tags: tuple[str, ...],
+    columns: Mapping[int, str],
     stated: Mapping[Part, str | int | None],
-    options: ReadOptions,
+    name: str | None,
 ) -> tuple[list[Membership], dict[str, ExportRefused]]:
-    """Take the parts as stated, and the others by their names where only one loop claims them."""
-    by_name = group_by_loop(signals)
-    tags = {
-        part: resolve_tag(signals, names, name, part)
-        for part, name in stated.items()
-        if name is not None
+    """Take the parts as stated, and the others by their names where only one tag claims them."""
+    by_name = group_by_loop(tags)
+    chosen = {
+        part: _tag_named(tags, columns, wanted, part)
+        for part, wanted in stated.items()
+        if wanted is not None
     }
     for part in Part:
-        found = [tag for parts in by_name.values() for tag in parts.get(part, [])]
-        if part not in tags and len(found) == 1 and found[0] not in tags.values():
-            tags[part] = found[0]
-    loop = options.tag or next(
-        (name for name, parts in by_name.items() if tags.get(Part.PV) in parts.get(Part.PV, [])),
+        claims = [tag for parts in by_name.values() for tag in parts.get(part, [])]
+        if part not in chosen and len(claims) == 1 and claims[0] not in chosen.values():
+            chosen[part] = claims[0]
+    loop = name or next(
+        (loop for loop, parts in by_name.items() if chosen.get(Part.PV) in parts.get(Part.PV, [])),
         "",
     )
-    missing = [part for part in (Part.PV, Part.OP) if part not in tags]
-    if missing:
-        refusal = ColumnNotFound(
-            f"the {missing[0].value}", tuple(signals), _OPTION.format(part=missing[0].value)
-        )
+    refusal = _refusal(loop, {part: [tag] for part, tag in chosen.items()}, tags)
+    if refusal is not None:
         return [], {loop: refusal}
-    return [Membership(loop=loop, tags=tags)], {}
+    return [Membership(loop=loop, tags=chosen)], {}
 
 
-def resolve_tag(
-    signals: Mapping[str, TagSignal], names: tuple[str, ...], name: str | int, part: Part
+def _tag_named(
+    tags: tuple[str, ...], columns: Mapping[int, str], wanted: str | int, part: Part
 ) -> str:
-    """Find a signal by its tag, or by its column counted from 1."""
-    if isinstance(name, str) and name in signals:
+    """Find a tag by its name, or by its column counted from 1."""
+    name = str(wanted).strip()
+    if name in tags:
         return name
-    if isinstance(name, int) or name.isdigit():
-        number = int(name)
-        if 1 <= number <= len(names):
-            for tag in signals:
-                if tag == names[number - 1] or names[number - 1].startswith(tag):
-                    return tag
-            if len(signals) == 1:
-                return next(iter(signals))
-        raise ColumnNotFound(part.value, tuple(signals), f"column {number} holds no values")
-    folded = [tag for tag in signals if tag.casefold() == name.strip().casefold()]
-    if len(folded) == 1:
-        return folded[0]
-    raise ColumnNotFound(part.value, tuple(signals), f"there is no column or tag named {name!r}")
+    if name.isdecimal() and int(name) in columns:
+        return columns[int(name)]
+    for fold in (str.casefold, lambda text: split_unit(text)[0].casefold()):
+        found = [tag for tag in tags if fold(tag) == fold(name)]
+        if len(found) == 1:
+            return found[0]
+    raise ColumnNotFound(part.value, tags, f"there is no column or tag {wanted!r} with values")
 
 
 def held_on(signal: TagSignal, time: np.typing.NDArray[np.generic]) -> tuple[Real, bool]:

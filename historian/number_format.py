@@ -2,8 +2,8 @@
 
 import re
 
+from historian.assignment import Assignment
 from historian.errors import AmbiguousNumber
-from historian.layout import Assignment
 from historian.numbers import NumberFormat, grouping_of
 from historian.options import ReadOptions
 from historian.table_shape import Table
@@ -63,7 +63,7 @@ def _number_cells(table: Table, assignment: Assignment) -> list[tuple[int, str]]
     columns = [s.column for s in assignment.signals if not s.is_mode]
     if assignment.long is not None:
         columns.append(assignment.long.value)
-    columns += [c for s in assignment.signals[:1] for c in s.time.columns]
+    columns += [column for time in assignment.times for column in time.columns]
     cells = []
     for line, row in table.rows:
         for column in dict.fromkeys(columns):

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from historian.assignment import Assignment
 from historian.encoding import Encoding
-from historian.layout import Assignment
 from historian.numbers import NumberFormat
 from historian.options import ReadOptions
 from historian.quality import Scheme

@@ -9,9 +9,10 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from historian.archives import LimitedReader, opened
+from historian.assignment import Assignment
 from historian.encoding import HEAD_BYTES, Block, Encoding, blocks, decide_encoding, keeps_ascii
 from historian.errors import ExportRefused
-from historian.layout import Assigner, Assignment
+from historian.layout import assign
 from historian.number_format import decide_numbers
 from historian.numbers import NumberFormat
 from historian.options import ReadOptions
@@ -52,7 +53,7 @@ def plan_for(path: Path, options: ReadOptions) -> Plan:
         head = read_head(reader)
     encoding = decide_encoding(head, options.encoding)
     table = find_table(_whole_lines(head, encoding), options)
-    assignment = Assigner(table, options, fallback_tag=path.name.split(".")[0]).assign()
+    assignment = assign(table, options, fallback_tag=path.name.split(".")[0])
     numbers = decide_numbers(table, assignment, options)
     return Plan(
         container=container,
@@ -111,8 +112,8 @@ def _decide_time(
     numbers: NumberFormat,
     options: ReadOptions,
 ) -> TimeFormat:
-    columns = [s.time.columns for s in assignment.signals] or [assignment.time.columns]
-    first = assignment.time.columns
+    columns = [time.columns for time in assignment.times]
+    first = columns[0]
     filled = [cell for cell in table.column(first[0]) if cell]
     header = table.names[first[0]] if table.header_line is not None else ""
     if not any(is_time_kind(cell) for cell in filled):

@@ -28,7 +28,7 @@ def decisions_of(plan: Plan, remarks: tuple[str, ...] = ()) -> Decisions:
         zone_words = "not stated; state it with time_zone=... to know the instants in UTC"
     else:
         zone_words = f"{zone}, as stated"
-    names = tuple(table.names[column] for column in plan.assignment.time.columns)
+    names = tuple(table.names[column] for column in plan.assignment.times[0].columns)
     header = f"line {table.header_line}" if table.header_line is not None else "none"
     words = [
         f"container: {plan.container}",

@@ -97,6 +97,21 @@ def shape_of(text: str) -> Shape | None:
     return _template(text, spans, sign)
 
 
+def is_midnight(text: str) -> bool:
+    """Tell whether a stamp is a date with all zeros for the time of day.
+
+    >>> is_midnight("2024-05-01 00:00:00")
+    True
+    """
+    shape = shape_of(text)
+    if shape is None or not (shape.has_date and shape.has_clock):
+        return False
+    if "half" in shape.spans:
+        return False
+    names = ("hour", "minute", "second_", "fraction")
+    return all(not text[slice(*shape.spans[n])].strip("0") for n in names if n in shape.spans)
+
+
 _CLOCK_NAMES = {
     "H": "hour", "cH": "hour", "M": "minute", "cM": "minute", "S": "second_", "cS": "second_",
     "f": "fraction", "cf": "fraction", "half": "half", "zh": "zone_hour", "zm": "zone_minute",

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from historian.accounting import Ledger
+from historian.assignment import Signal
 from historian.cell_meaning import account_odd_cells, blank_bad_quality, modes_of
 from historian.cells import CellReader, Cells
 from historian.encoding import Block
 from historian.instants import InstantReader
-from historian.layout import Signal
 from historian.long_rows import LongRows
 from historian.options import Layout
 from historian.plan import Plan
