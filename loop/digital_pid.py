@@ -12,6 +12,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from loop.batch import PIDBatch
 from loop.controller import PID
 from loop.signals import Real
 
@@ -86,7 +87,7 @@ class ScanLaw:
 
 
 def scan_laws(
-    controllers: Sequence[PID], dt: float, *, anti_windup: AntiWindup, Tt: float | None
+    controllers: Sequence[PID] | PIDBatch, dt: float, *, anti_windup: AntiWindup, Tt: float | None
 ) -> ScanLaw:
     """Discretise controllers for a scan time.
 
@@ -95,8 +96,8 @@ def scan_laws(
 
     Parameters
     ----------
-    controllers : sequence of PID, length m
-        Controller settings.
+    controllers : sequence of PID, length m, or PIDBatch of m controllers
+        Controller settings; a PIDBatch has the set-point weights b = 1, c = 0.
     dt : float
         Scan time. [s]
     anti_windup : AntiWindup
@@ -104,14 +105,11 @@ def scan_laws(
     Tt : float, optional
         Tracking time of back-calculation; by `tracking_time` if not given. [s]
     """
-    rows = [
-        (p.action.sign * p.Kc, p.Ti, p.Td, p.filter_time, p.b, p.c, p.tauF, tracking_time(p))
-        for p in controllers
-    ]
-    Kc, Ti, Td, Tf, b, c, tauF, default_Tt = np.array(rows).T
+    Kc, Ti, Td, Tf, b, c, tauF = _settings(controllers)
     dD, dF = _decay(dt, Tf), _decay(dt, tauF)
     lag = (1 - dF) * tauF / dt
-    tracking = default_Tt if Tt is None else np.full_like(Ti, Tt)
+    default = np.sqrt(Ti) * np.sqrt(np.where(Td > 0, Td, Ti))  # as `tracking_time`
+    tracking = default if Tt is None else np.full_like(Ti, Tt)
     tracks = (anti_windup is AntiWindup.BACK_CALCULATION) & np.isfinite(Ti)
     return ScanLaw(
         kP=Kc,
@@ -125,6 +123,21 @@ def scan_laws(
         f1=lag - dF,
         track=np.where(tracks, 1 - _decay(dt, tracking), 0.0),
     )
+
+
+def _settings(controllers: Sequence[PID] | PIDBatch) -> list[Real]:
+    """Kc with the action's sign, Ti, Td, Td/N, b, c, tauF; every array of shape (m,)."""
+    if isinstance(controllers, PIDBatch):
+        p = controllers
+        Kc, Ti, Td, N, tauF, sign = (
+            np.broadcast_to(values, p.shape).ravel()
+            for values in (p.Kc, p.Ti, p.Td, p.N, p.tauF, p.sign)
+        )
+        return [sign * Kc, Ti, Td, Td / N, np.ones(Kc.size), np.zeros(Kc.size), tauF]
+    rows = [
+        (p.action.sign * p.Kc, p.Ti, p.Td, p.filter_time, p.b, p.c, p.tauF) for p in controllers
+    ]
+    return list(np.array(rows).T)
 
 
 def _decay(dt: float, time_constant: Real) -> Real:

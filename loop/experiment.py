@@ -170,8 +170,6 @@ def _values(name: str, signal: Signal, t: Real, rest: float) -> Real:
     values = np.asarray(signal, dtype=np.float64)
     if values.ndim == 0:
         values = np.full(t.size, float(values))
-    if values.shape[0] != t.size:
-        raise ValueError(f"{name} needs one value a scan, {t.size}, got {values.shape[0]}")
     if not np.all(np.isfinite(values)):
         raise ValueError(f"{name} must be finite everywhere")
     return values

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import expm
 
+from loop.batch import ProcessBatch
 from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process, TransferFunction
 from loop.signals import Real
 
@@ -149,25 +150,21 @@ class SampledProcesses:
     q: npt.NDArray[np.int64]
 
 
-def sampled(processes: Sequence[Process], dt: float) -> SampledProcesses:
+def sampled(processes: Sequence[Process] | ProcessBatch, dt: float) -> SampledProcesses:
     """Discretise processes exactly for an input held over a scan, fractional dead time included.
 
     Parameters
     ----------
-    processes : sequence of Process, length m
+    processes : sequence of Process, length m, or ProcessBatch of m processes
         Process models; lower orders are filled up with states that never move.
     dt : float
         Scan time. [s]
     """
-    spaces = [state_space(process) for process in processes]
-    order = max(space.B.size for space in spaces)
-    A = np.zeros((len(spaces), order, order))
-    B = np.zeros((len(spaces), order))
-    C = np.zeros((len(spaces), order))
-    for i, space in enumerate(spaces):
-        n = space.B.size
-        A[i, :n, :n], B[i, :n], C[i, :n] = space.A, space.B, space.C
-    scans = np.array([process.theta for process in processes]) / dt
+    if isinstance(processes, ProcessBatch):
+        A, B, C, D, theta = _chains(processes)
+    else:
+        A, B, C, D, theta = _filled_up(processes)
+    scans = theta / dt
     whole = np.floor(scans + WHOLE)
     first = np.clip(scans - whole, 0.0, 1.0) * dt
     Phi_first, Gamma_first = motion(A, B, first)
@@ -177,9 +174,54 @@ def sampled(processes: Sequence[Process], dt: float) -> SampledProcesses:
         late=np.einsum("mij,mj->mi", Phi_rest, Gamma_first),
         early=early,
         C=C,
-        D=np.array([space.D for space in spaces]),
+        D=D,
         q=whole.astype(np.int64),
     )
+
+
+def _filled_up(processes: Sequence[Process]) -> tuple[Real, Real, Real, Real, Real]:
+    """A, B, C, D and theta of m processes, all of the highest order among them."""
+    spaces = [state_space(process) for process in processes]
+    order = max(space.B.size for space in spaces)
+    A = np.zeros((len(spaces), order, order))
+    B, C = np.zeros((len(spaces), order)), np.zeros((len(spaces), order))
+    for i, space in enumerate(spaces):
+        n = space.B.size
+        A[i, :n, :n], B[i, :n], C[i, :n] = space.A, space.B, space.C
+    D = np.array([space.D for space in spaces])
+    return A, B, C, D, np.array([process.theta for process in processes])
+
+
+def _chains(batch: ProcessBatch) -> tuple[Real, Real, Real, Real, Real]:
+    """A, B, C, D and theta of lags and integrators in a row, the one next to PV first.
+
+    A lag is dx/dt = (input - x)/tau, an integrator dx/dt = input. Loops with fewer of them keep
+    their unused states at rest.
+    """
+    K, tau1, tau2, integrators, theta = (
+        np.broadcast_to(values, batch.shape).ravel()
+        for values in (batch.K, batch.tau1, batch.tau2, batch.integrators, batch.theta)
+    )
+    used = np.stack([tau1 > 0, tau2 > 0, integrators > 0, integrators > 1], axis=1)
+    ones = np.ones(K.size)
+    speeds = 1 / np.where(used, np.stack([tau1, tau2, ones, ones], axis=1), 1.0)
+    returns = np.where([True, True, False, False], -speeds, 0.0)
+    order = max(int(used.sum(axis=1).max()), 1)
+    A: Real = np.zeros((K.size, order, order))
+    B: Real = np.zeros((K.size, order))
+    C: Real = np.zeros((K.size, order))
+    place, loops = np.zeros(K.size, dtype=np.int64), np.arange(K.size)
+    for kind in range(4):
+        i = loops[used[:, kind]]
+        at, speed = place[i], speeds[i, kind]
+        A[i, at, at] = returns[i, kind]
+        last = at + 1 == used[i].sum(axis=1)
+        A[i[~last], at[~last], at[~last] + 1] = speed[~last]
+        B[i[last], at[last]] = speed[last]
+        place[i] += 1
+    C[:, 0] = np.where(place > 0, K, 0.0)
+    D: Real = np.where(place > 0, 0.0, K)
+    return A, B, C, D, theta.astype(np.float64)
 
 
 def scans_in(t_end: float, dt: float) -> int:

@@ -56,13 +56,29 @@ class Course:
 
     @classmethod
     def of(cls, experiment: Experiment, *, loops: int | None = None) -> Self:
-        """Refer an experiment to rest; noise is drawn here, for each of `loops` if given."""
+        """Refer an experiment to rest; noise is drawn here, for each of `loops` if given.
+
+        Raises
+        ------
+        ValueError
+            A signal has neither one value a scan nor one a scan and loop.
+        """
         t, limits = experiment.t, experiment.limits
+        signals = {
+            "sp": experiment.set_point(t) - experiment.pv0,
+            "load": experiment.input_load(t),
+            "output_load": experiment.output_disturbance(t),
+            "noise": experiment.measurement_noise(t, loops),
+        }
+        for name, signal in signals.items():
+            if signal.shape not in ((t.size,), (t.size, loops)):
+                good = f"({t.size},)" if loops is None else f"({t.size},) or ({t.size}, {loops})"
+                raise ValueError(f"{name} must have the shape {good}, got {signal.shape}")
         return cls(
-            sp=experiment.set_point(t) - experiment.pv0,
-            load=experiment.input_load(t),
-            disturbance=experiment.output_disturbance(t),
-            noise=experiment.measurement_noise(t, loops),
+            sp=signals["sp"],
+            load=signals["load"],
+            disturbance=signals["output_load"],
+            noise=signals["noise"],
             low=limits.low - experiment.op0,
             high=limits.high - experiment.op0,
             move=limits.rate * experiment.dt,

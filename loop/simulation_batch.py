@@ -1,10 +1,13 @@
 """Closed-loop simulation of many loops in one call."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import TypeVar
 
 import numpy as np
 
+from loop.batch import PIDBatch, ProcessBatch
 from loop.controller import PID
 from loop.digital_pid import AntiWindup, OutputLimits, scan_laws
 from loop.experiment import Experiment, Signal
@@ -12,6 +15,12 @@ from loop.process import Process
 from loop.sampled_process import sampled
 from loop.scanning import DIVERGED, Course, scan_many
 from loop.signals import Flags, Real
+
+# Four arrays of eight bytes a sample: 1.6 GB.
+MOST_SAMPLES = 50_000_000
+
+Batch = TypeVar("Batch", ProcessBatch, PIDBatch)
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,8 +52,8 @@ class BatchResponse:
 
 
 def simulate_batch(
-    processes: Sequence[Process],
-    controllers: Sequence[PID],
+    processes: Sequence[Process] | ProcessBatch,
+    controllers: Sequence[PID] | PIDBatch,
     *,
     t_end: float,
     dt: float,
@@ -64,10 +73,12 @@ def simulate_batch(
 
     Parameters
     ----------
-    processes : sequence of Process, length m or 1
+    processes : sequence of Process, or ProcessBatch
         Process models; a single one serves every controller.
-    controllers : sequence of PID, length m or 1
-        Controller settings; a single one serves every process.
+    controllers : sequence of PID, or PIDBatch
+        Controller settings; a single one serves every process. A PIDBatch runs with the set-point
+        weights b = 1 and c = 0. Batches broadcast against each other, and the m loops are those of
+        the common shape, the last axis first.
     t_end, dt, rng, resolution, limits, anti_windup, Tt, pv0, op0
         As in `simulate`, the same for all loops.
     sp, load, output_load, noise
@@ -77,7 +88,7 @@ def simulate_batch(
     Raises
     ------
     ValueError
-        A setting is impossible, or the lengths do not match.
+        A setting is impossible, or processes and controllers do not make pairs.
     """
     experiment = Experiment(
         t_end=t_end,
@@ -94,10 +105,26 @@ def simulate_batch(
         pv0=pv0,
         op0=op0,
     )
-    loops = _common_length(len(processes), len(controllers))
-    plant = sampled([*processes] * (loops // len(processes)), dt)
+    shape = _common_shape(processes, controllers)
+    loops = math.prod(shape)
+    if loops * experiment.t.size > MOST_SAMPLES:
+        raise ValueError(
+            f"{experiment.t.size} scans of {loops} loops are more than {MOST_SAMPLES:,} samples; "
+            "take fewer loops at a time or a longer dt"
+        )
+    plant = sampled(
+        _broadcast(processes, shape)
+        if isinstance(processes, ProcessBatch)
+        else _repeated(processes, shape),
+        dt,
+    )
     law = scan_laws(
-        [*controllers] * (loops // len(controllers)), dt, anti_windup=anti_windup, Tt=Tt
+        _broadcast(controllers, shape)
+        if isinstance(controllers, PIDBatch)
+        else _repeated(controllers, shape),
+        dt,
+        anti_windup=anti_windup,
+        Tt=Tt,
     )
     course = Course.of(experiment, loops=loops)
     traces = scan_many(plant, law, course)
@@ -112,14 +139,32 @@ def simulate_batch(
     )
 
 
-def _common_length(processes: int, controllers: int) -> int:
-    longest = max(processes, controllers)
-    if not (processes and controllers and {processes, controllers} <= {1, longest}):
+def _common_shape(
+    processes: Sequence[Process] | ProcessBatch, controllers: Sequence[PID] | PIDBatch
+) -> tuple[int, ...]:
+    shapes = [
+        group.shape if isinstance(group, (ProcessBatch, PIDBatch)) else (len(group),)
+        for group in (processes, controllers)
+    ]
+    try:
+        shape = np.broadcast_shapes(*shapes)
+    except ValueError:
+        shape = (0,)
+    if 0 in shape:
         raise ValueError(
-            f"{processes} processes and {controllers} controllers do not make pairs; "
-            "give as many of each, or one of either"
+            f"processes of shape {shapes[0]} and controllers of shape {shapes[1]} do not make "
+            "pairs; give as many of each, or one of either"
         )
-    return longest
+    return shape
+
+
+def _broadcast(batch: Batch, shape: tuple[int, ...]) -> Batch:
+    arrays = (np.broadcast_to(getattr(batch, item.name), shape) for item in fields(batch))
+    return type(batch)(*arrays)
+
+
+def _repeated(items: Sequence[Item], shape: tuple[int, ...]) -> list[Item]:
+    return [items[i] for i in np.broadcast_to(np.arange(len(items)), shape).ravel().tolist()]
 
 
 def _from_rest(trace: Real, diverged: Flags, rest: float) -> Real:

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from loop.batch import PIDBatch, ProcessBatch
 from loop.controller import PID, Action
 from loop.digital_pid import AntiWindup, OutputLimits
 from loop.experiment import Step
@@ -110,3 +111,56 @@ def test_lengths_that_make_no_pairs_are_refused() -> None:
     for plants, pids in ([heater] * 2, [pid] * 3), ([], [pid]), ([heater], []):
         with pytest.raises(ValueError, match="do not make pairs"):
             simulate_batch(plants, pids, t_end=10, dt=1)
+
+
+def test_batches_of_arrays_are_their_loops_one_by_one() -> None:
+    """Every structure a ProcessBatch can hold, against the scalar model of the same numbers."""
+    tau1, tau2, integrators = np.array(
+        [(0, 0, 0), (9, 0, 0), (0, 4, 0), (9, 4, 0), (0, 0, 1), (9, 0, 1), (9, 4, 2), (0, 0, 2)]
+    ).T
+    theta = np.array([0.0, 0.3, 1.0, 2.9, 0.0, 1.5, 0.7, 2.0])
+    processes = ProcessBatch(np.asarray(0.02), tau1, tau2, integrators, theta)
+    controllers = PIDBatch(
+        Kc=np.array([[0.6], [1.2]]), Ti=np.array([[40.0], [np.inf]]), Td=np.array([[0.0], [3.0]])
+    )
+    experiment = {"t_end": 60, "dt": 0.7, "sp": 1.0, "load": Step(size=2, at=20)}
+    limits = OutputLimits(low=-0.9, high=0.9)
+    batch = simulate_batch(processes, controllers, limits=limits, **experiment)
+    assert batch.pv.shape == (86, 16)
+    for i in range(16):
+        row, column = divmod(i, 8)
+        lags = np.polymul((tau1[column], 1), (tau2[column], 1))
+        denominator = np.append(lags, np.zeros(integrators[column]))
+        process = TransferFunction((0.02,), tuple(denominator), theta[column])
+        pid = [PID(Kc=0.6, Ti=40), PID(Kc=1.2, Td=3)][row]
+        one = simulate(process, pid, limits=limits, **experiment)
+        np.testing.assert_allclose(batch.pv[:, i], one.pv, atol=1e-11)
+        np.testing.assert_allclose(batch.op[:, i], one.op, atol=1e-11)
+
+
+def test_a_batch_of_arrays_meets_a_list_of_models() -> None:
+    heater, pid = FOPDT(K=2, tau=120, theta=30), PID(Kc=0.5, Ti=135, Td=13.3)
+    swept = ProcessBatch.of(heater).scaled(K=np.array([0.5, 1.0, 1.5]))
+    a = simulate_batch(swept, [pid], t_end=300, dt=1, sp=1.0)
+    b = simulate_batch(
+        [heater],
+        PIDBatch(Kc=0.5 * np.array([0.5, 1.0, 1.5]), Ti=np.asarray(135.0), Td=np.asarray(13.3)),
+        t_end=300,
+        dt=1,
+        sp=1.0,
+    )
+    np.testing.assert_allclose(a.pv, b.pv, atol=1e-12)  # only the product K Kc counts
+    one = simulate(heater, pid, t_end=300, dt=1, sp=1.0)
+    np.testing.assert_allclose(a.pv[:, 1], one.pv, atol=1e-12)
+
+
+def test_a_batch_that_would_fill_the_memory_is_refused() -> None:
+    heater = FOPDT(K=2, tau=120, theta=30)
+    with pytest.raises(ValueError, match="100001 scans of 1000 loops are more than 50,000,000"):
+        simulate_batch([heater], [PID(Kc=0.5)] * 1000, t_end=1e5, dt=1)
+
+
+def test_signals_that_do_not_fit_the_batch_are_refused() -> None:
+    heater, pid = FOPDT(K=2, tau=120, theta=30), PID(Kc=0.5)
+    with pytest.raises(ValueError, match=r"load must have the shape \(11,\) or \(11, 2\)"):
+        simulate_batch([heater], [pid] * 2, t_end=10, dt=1, load=np.zeros((11, 3)))
