@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from functools import partial
+from functools import partial, reduce
 from typing import TypeAlias
 
 import control
@@ -121,11 +121,12 @@ def with_loopwright(plants: list[Plant]) -> list[Five]:
 
 def with_pade(plant: Plant, order: int) -> Five:
     """Compute the margins with python-control, the dead time as a Padé approximation."""
-    s = control.tf("s")
-    G = plant.K / (s**plant.integrators * (plant.tau1 * s + 1) * (plant.tau2 * s + 1))
-    Td, Tf = plant.Td, plant.Td / plant.N
-    C = plant.Kc * (1 + 1 / (plant.Ti * s) + (Td * s / (Tf * s + 1) if Td else 0))
-    L = G * C * control.tf(*control.pade(plant.theta, order))
+    Tf = plant.Td / plant.N
+    n, d = control.pade(plant.theta, order)
+    numerators = [[plant.K * plant.Kc], [plant.Ti * (plant.Td + Tf), plant.Ti + Tf, 1.0], n]
+    lags = [[lag, 1.0] for lag in (plant.tau1, plant.tau2, Tf) if lag]
+    denominators = [[1.0] + [0.0] * plant.integrators, [plant.Ti, 0.0], *lags, d]
+    L = control.tf(reduce(np.polymul, numerators), reduce(np.polymul, denominators))
     gain, phase, distance, _, wc, ws = control.stability_margins(L)
     w = ws * np.geomspace(0.01, 10, 200)
     at = L(1j * w)
