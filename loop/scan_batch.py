@@ -157,7 +157,7 @@ def _stable(loops: LagLoops, axis: _Axis, wc: _Points) -> Flags:
     distance = np.abs(np.mod(phase, TURN) - math.pi)
     on_axis = np.bincount(wc.row, distance < ON_THE_AXIS, minlength=loops.size) > 0
     at_origin = (loops.order == 0) & (loops.sign < 0) & (np.abs(loops.log_k) < ROUNDING)
-    endless = (loops.excess == 0) & (loops.log_k_high >= 0)
+    endless = (loops.excess == 0) & (loops.log_k_high > -ROUNDING)
     return np.asarray((-2 * turns - starts_reversed == 0) & ~on_axis & ~at_origin & ~endless)
 
 

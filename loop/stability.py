@@ -11,9 +11,10 @@ from loop.factors import FactoredLoop, polynomial_roots
 from loop.process import Process
 from loop.signals import Complex, Real
 
-# A crossing this close to a delay lies on the imaginary axis to within rounding.
+# A pole this close to the imaginary axis lies on it to within rounding.
 ON_THE_AXIS = 1e-9
 ROUNDING = 1e-14
+LARGEST_LOG = 300.0
 
 
 def unstable_poles(process: Process, controller: PID, *, delay: float = 0.0) -> int:
@@ -61,9 +62,12 @@ def count_unstable_poles(loop: FactoredLoop) -> int:
     loop : FactoredLoop
         Open loop.
     """
-    if loop.theta > 0 and (loop.excess < 0 or (loop.excess == 0 and loop.log_k >= 0)):
+    if loop.theta > 0 and (loop.excess < 0 or (loop.excess == 0 and loop.log_k > -ROUNDING)):
         return INFINITELY_MANY
     wc, _, w = gain_crossovers(loop)
+    if loop.theta == 0:
+        roots, lost = _poles_without_dead_time(loop, float(wc[-1] if wc.size else w[w.size // 2]))
+        return int(np.sum(roots.real >= -ON_THE_AXIS * np.abs(roots))) + lost
     if not wc.size:
         # Rouche: the smaller of d and n does not move a zero of the larger across the axis.
         larger = loop.poles if loop.log_gain(w[:1])[0] < 0 else loop.zeros
@@ -72,14 +76,16 @@ def count_unstable_poles(loop: FactoredLoop) -> int:
     # Phase to lose until a pole pair reaches the axis.
     lag = np.mod(loop.phase(wc) + wc * loop.theta + math.pi, 2 * math.pi)
     on_axis = np.minimum(lag, 2 * math.pi - lag) < ON_THE_AXIS
-    count = _right_of_axis(loop, wc, wc[on_axis])
-    if loop.theta == 0:
-        return count + 2 * int(np.sum(on_axis))
-    # A pair that starts on the axis leaves it at once, to the right for good until its next visit.
+    roots, lost = _poles_without_dead_time(loop, float(wc[-1]))
+    for w_axis in np.concatenate([wc[on_axis], -wc[on_axis]]):
+        roots = np.delete(roots, np.argmin(np.abs(roots - 1j * w_axis)))
+    # A pair that starts on the axis leaves it at once: to the right, or to the left until it comes
+    # back after a whole turn.
     lag = np.where(on_axis, np.where(leaves_right, 0.0, 2 * math.pi), lag)
     slack = ON_THE_AXIS * np.where(leaves_right, 1.0, -1.0)
-    visits = np.floor((wc * loop.theta - lag + slack) / (2 * math.pi)) + 1
-    return count + 2 * int(np.sum(np.where(leaves_right, 1, -1) * np.maximum(visits, 0.0)))
+    visits = np.maximum(np.floor((wc * loop.theta - lag + slack) / (2 * math.pi)) + 1, 0.0)
+    crossed = 2 * int(np.sum(np.where(leaves_right, visits, -visits)))
+    return int(np.sum(roots.real >= 0)) + lost + crossed
 
 
 def _stands_at_origin(loop: FactoredLoop) -> int:
@@ -88,25 +94,19 @@ def _stands_at_origin(loop: FactoredLoop) -> int:
     return int(loop.integrators == 0 and sign < 0 and abs(log_size) < ROUNDING)
 
 
-def _right_of_axis(loop: FactoredLoop, wc: Real, on_axis: Real) -> int:
-    """Count the poles without dead time right of the axis or at the origin.
+def _poles_without_dead_time(loop: FactoredLoop, unit: float) -> tuple[Complex, int]:
+    """Roots of d + n, those at the origin exactly, and how many L(infinity) = -1 sends to infinity.
 
-    Pairs on the axis, at the frequencies `on_axis`, are left out. A pole lost at infinity, where
-    L(infinity) = -1, counts as unstable.
+    The unit of frequency is one where d and n are of one size. [rad/s]
     """
-    unit = float(wc[-1])
     d, n = _polynomial(loop.poles / unit), _polynomial(loop.zeros / unit)
-    # |d| = |n| at the crossover, which settles the scale of n without the leading coefficient.
-    size = abs(np.polyval(d, 1j)) / abs(np.polyval(n, 1j))
+    size = math.exp(min(max(float(loop.log_gain(np.array([unit]))[0]), -LARGEST_LOG), LARGEST_LOG))
+    size *= float(abs(np.polyval(d, 1j)) / abs(np.polyval(n, 1j)))
     degree = max(d.size, n.size)
     d, n = (np.pad(p, (degree - p.size, 0)) for p in (d, loop.sign * size * n))
     total = np.where(np.abs(d + n) <= ROUNDING * (np.abs(d) + np.abs(n)), 0.0, d + n)
     inner = np.trim_zeros(total, "f")
-    roots = polynomial_roots(tuple(inner)) * unit
-    for w in on_axis:
-        roots = np.delete(roots, np.argsort(np.abs(roots - 1j * w))[:1])
-        roots = np.delete(roots, np.argsort(np.abs(roots + 1j * w))[:1])
-    return int(np.sum(roots.real >= 0)) + total.size - inner.size
+    return polynomial_roots(tuple(inner)) * unit, total.size - inner.size
 
 
 def _polynomial(roots: Complex) -> Real:
