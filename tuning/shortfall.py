@@ -148,18 +148,20 @@ def gravest_failure(
             factor=factor,
             sentence=f"the loop is unstable {sweep.where(plant)}",
         )
-    overrun, name, plant = max(
-        (float(_overrun(name, getattr(found, name), limits)[plant]), name, int(plant))
-        for name, limits in _limits(sweep, profile).items()
-        for plant in broken
+    limits = _limits(sweep, profile)
+    names = tuple(limits)
+    overruns = np.array(
+        [_overrun(name, getattr(found, name)[broken], limits[name][broken]) for name in names]
     )
-    value, limit = float(getattr(found, name)[plant]), float(_limits(sweep, profile)[name][plant])
+    row, column = divmod(int(np.argmax(overruns)), broken.size)
+    name, plant = names[row], int(broken[column])
+    value, limit = float(getattr(found, name)[plant]), float(limits[name][plant])
     parameter, factor = sweep.moved(plant)
     return Failure(
         target=name,
         value=value,
         limit=limit,
-        overrun=overrun,
+        overrun=float(overruns[row, column]),
         parameter=parameter,
         factor=factor,
         sentence=_sentence(name, value, limit, sweep.where(plant)),
