@@ -166,8 +166,9 @@ class Experiment:
 
 def _values(name: str, signal: Signal, t: Real, rest: float) -> Real:
     if isinstance(signal, (Step, Ramp)):
-        return rest + signal.over(t)
-    values = np.asarray(signal, dtype=np.float64)
+        values = rest + signal.over(t)
+    else:
+        values = np.asarray(signal, dtype=np.float64)
     if values.ndim == 0:
         values = np.full(t.size, float(values))
     if not np.all(np.isfinite(values)):

@@ -352,6 +352,7 @@ def test_a_loop_that_grows_without_bound_says_when(process: FOPDT | TransferFunc
         ({"sp": np.zeros(3)}, r"sp must have the shape \(11,\), got \(3,\)"),
         ({"load": np.zeros((11, 2))}, r"load must have the shape \(11,\), got \(11, 2\)"),
         ({"load": math.inf}, "load must be finite"),
+        ({"sp": Step(size=math.nan)}, "sp must be finite"),
         ({"noise": 0.1}, "noise needs rng"),
         ({"noise": -0.1}, "noise must be 0 or"),
     ],

@@ -1,5 +1,7 @@
 """Many loops at once must be the same law as one loop."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,7 @@ from loop.batch import PIDBatch, ProcessBatch
 from loop.controller import PID, Action
 from loop.digital_pid import AntiWindup, OutputLimits
 from loop.experiment import Step
+from loop.margins import margins
 from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process, TransferFunction
 from loop.simulation import simulate
 from loop.simulation_batch import simulate_batch
@@ -164,3 +167,21 @@ def test_signals_that_do_not_fit_the_batch_are_refused() -> None:
     heater, pid = FOPDT(K=2, tau=120, theta=30), PID(Kc=0.5)
     with pytest.raises(ValueError, match=r"load must have the shape \(11,\) or \(11, 2\)"):
         simulate_batch([heater], [pid] * 2, t_end=10, dt=1, load=np.zeros((11, 3)))
+
+
+def test_loops_die_out_below_their_gain_margin_and_grow_above_it() -> None:
+    """Second route for the margins, the hold of the scan included."""
+    rng = np.random.default_rng(7)
+    processes, controllers = [], []
+    for tau, theta, Ti, Td in rng.uniform([20, 5, 0.8, 0], [100, 20, 2, 0.5], (12, 4)):
+        process = FOPDT(K=2, tau=tau, theta=theta)
+        pid = PID(Kc=0.3 * tau / theta, Ti=Ti * tau, Td=Td * theta)
+        limit = margins(process, pid, sample_time=0.1).gain
+        for part in (0.96, 1.04):
+            processes.append(process)
+            controllers.append(replace(pid, Kc=part * limit * pid.Kc))
+    batch = simulate_batch(processes, controllers, t_end=1500, dt=0.1, load=1.0)
+    swing = batch.pv - batch.pv.mean(axis=0)
+    early, late = (np.ptp(swing[a:b], axis=0) for a, b in ((2000, 6000), (11000, 15000)))
+    assert np.all(late[::2] < 0.8 * early[::2])
+    assert np.all(late[1::2] > 1.25 * early[1::2])
