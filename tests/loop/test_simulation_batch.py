@@ -127,7 +127,7 @@ def test_batches_of_arrays_are_their_loops_one_by_one() -> None:
         Kc=np.array([[0.6], [1.2]]), Ti=np.array([[40.0], [np.inf]]), Td=np.array([[0.0], [3.0]])
     )
     experiment = {"t_end": 60, "dt": 0.7, "sp": 1.0, "load": Step(size=2, at=20)}
-    limits = OutputLimits(low=-0.9, high=0.9)
+    limits = OutputLimits(low=-0.9, high=0.9, rate=0.5)
     batch = simulate_batch(processes, controllers, limits=limits, **experiment)
     assert batch.pv.shape == (86, 16)
     for i in range(16):
