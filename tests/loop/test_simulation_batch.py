@@ -116,7 +116,8 @@ def test_lengths_that_make_no_pairs_are_refused() -> None:
             simulate_batch(plants, pids, t_end=10, dt=1)
 
 
-def test_batches_of_arrays_are_their_loops_one_by_one() -> None:
+@pytest.mark.parametrize("mode", AntiWindup)
+def test_batches_of_arrays_are_their_loops_one_by_one(mode: AntiWindup) -> None:
     """Every structure a ProcessBatch can hold, against the scalar model of the same numbers."""
     tau1, tau2, integrators = np.array(
         [(0, 0, 0), (9, 0, 0), (0, 4, 0), (9, 4, 0), (0, 0, 1), (9, 0, 1), (9, 4, 2), (0, 0, 2)]
@@ -126,7 +127,13 @@ def test_batches_of_arrays_are_their_loops_one_by_one() -> None:
     controllers = PIDBatch(
         Kc=np.array([[0.6], [1.2]]), Ti=np.array([[40.0], [np.inf]]), Td=np.array([[0.0], [3.0]])
     )
-    experiment = {"t_end": 60, "dt": 0.7, "sp": 1.0, "load": Step(size=2, at=20)}
+    experiment = {
+        "t_end": 60,
+        "dt": 0.7,
+        "sp": 1.0,
+        "load": Step(size=2, at=20),
+        "anti_windup": mode,
+    }
     limits = OutputLimits(low=-0.9, high=0.9, rate=0.5)
     batch = simulate_batch(processes, controllers, limits=limits, **experiment)
     assert batch.pv.shape == (86, 16)
