@@ -120,16 +120,11 @@ def _pi_or_pid(cases: Sequence[_Case]) -> tuple[_Case, _Case | None]:
     """The best PI and the best PID, the one that is worth it first."""
     pi = _smallest(case for case in cases if case.pid.structure == "PI")
     pid = _smallest(case for case in cases if case.pid.structure == "PID")
-    match pi, pid:
-        case None, _Case() as only:
-            return only, None
-        case _Case() as only, None:
-            return only, None
-        case _Case() as plain, _Case() as rich if rich.area <= (1 - PID_SAVES) * plain.area:
-            return rich, plain
-        case _Case() as plain, _Case() as rich:
-            return plain, rich if rich.area < plain.area else None
-    raise ValueError("there is no case to choose from")
+    if pi is None or pid is None:
+        return min(cases, key=lambda case: case.area), None
+    if pid.area <= (1 - PID_SAVES) * pi.area:
+        return pid, pi
+    return pi, pid if pid.area < pi.area else None
 
 
 def _why(chosen: _Case, runner: _Case | None, sound: Sequence[_Case]) -> str:
