@@ -143,7 +143,7 @@ def run() -> Section:
     with tempfile.TemporaryDirectory(prefix="loopwright-bench-") as folder:
         for layout in LAYOUTS:
             path = Path(folder) / f"{layout}.csv"
-            write_export(path, LAYOUTS[layout], SIZE)
+            write_export(path, LAYOUTS[layout], size=SIZE)
             more_rows, more_targets = compare(layout, path)
             rows += more_rows
             targets += more_targets

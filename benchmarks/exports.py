@@ -1,5 +1,6 @@
 """Historian exports of any size for the CSV benchmark, in the four layouts that plants use most."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -70,7 +71,13 @@ def _values(n: int, rng: np.random.Generator) -> pa.Array:
 
 
 def write_export(
-    path: Path, layout: Layout, size: int, *, block: int = BLOCK, seed: int = 0
+    path: Path,
+    layout: Layout,
+    *,
+    size: float = math.inf,
+    rows: float = math.inf,
+    block: int = BLOCK,
+    seed: int = 0,
 ) -> int:
     """Write an export of about this size: a sample a second, 0.1 % bad words, few broken stamps.
 
@@ -80,8 +87,8 @@ def write_export(
         File to write.
     layout : Layout
         Its shape.
-    size : int
-        Size wanted; the last block may pass it. [bytes]
+    size, rows : float
+        Size [bytes] or rows [-] wanted, whichever comes first; the last block may pass it.
     block : int
         Rows written at a time, one broken stamp in each; a multiple of the number of tags. [-]
     seed : int
@@ -95,12 +102,12 @@ def write_export(
     rng = np.random.default_rng(seed)
     tags = layout.tags
     heads = ("tag", "timestamp", "value") if layout.long else ("timestamp", *tags)
-    rows = 0
+    done = 0
     plain = csv.WriteOptions(include_header=False, quoting_style="none")
     with path.open("wb") as file:
         file.write((",".join(heads) + "\n").encode())
-        while file.tell() < size:
-            seconds = START + np.arange(rows, rows + block, dtype=np.int64)
+        while file.tell() < size and done < rows:
+            seconds = START + np.arange(done, done + block, dtype=np.int64)
             columns: list[pa.Array]
             if layout.long:
                 seconds = START + (seconds - START) // len(tags)
@@ -110,5 +117,5 @@ def write_export(
                 stamps = _stamps(seconds, layout.stamps, rng)
                 columns = [stamps, *(_values(block, rng) for _ in tags)]
             csv.write_csv(pa.table(columns, names=list(heads)), file, write_options=plain)
-            rows += block
-    return rows
+            done += block
+    return done

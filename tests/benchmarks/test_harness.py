@@ -10,7 +10,9 @@ import pytest
 
 import benchmarks.__main__ as command
 from benchmarks.catalogue import BENCHMARKS
+from benchmarks.csv_pipelines import contents, with_loopwright
 from benchmarks.exact_margins import Plant, exact_margins
+from benchmarks.exports import BAD_WORDS, BROKEN_STAMP, LAYOUTS, write_export
 from benchmarks.results import Result, load, page, save
 from benchmarks.section import Section, Target, as_markdown, as_text
 from benchmarks.surroundings import surroundings
@@ -128,3 +130,20 @@ def test_the_exact_margins_meet_the_printed_anchors() -> None:
     assert exact_margins(heater) == pytest.approx(expected, rel=5e-6)
     integrator = Plant(K=1, tau1=0, integrators=1, theta=1, Kc=0.5, Ti=8)
     assert exact_margins(integrator) == pytest.approx((2.963, 46.86, 1.590, 1.704, 1.299), rel=5e-4)
+
+
+@pytest.mark.parametrize("name", list(LAYOUTS))
+def test_the_reader_delivers_what_the_export_was_written_with(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "export.csv"
+    rows = write_export(path, LAYOUTS[name], rows=2_400, block=1_200)
+    assert rows == 2_400
+    lines = path.read_text(encoding="ascii").splitlines()
+    broken = [number for number, line in enumerate(lines, 1) if BROKEN_STAMP in line]
+    good = [line for line in lines[1:] if BROKEN_STAMP not in line]
+    cells = [cell for line in good for cell in line.split(",")[2 if "long" in name else 1 :]]
+    numbers = [float(cell) for cell in cells if cell not in BAD_WORDS]
+    found = contents(with_loopwright(path, LAYOUTS[name]))
+    assert len(broken) == 2
+    assert found["values"] == len(numbers)
+    assert found["sum"] == pytest.approx(math.fsum(numbers), rel=1e-12)
+    assert found["rejected"] == len(broken)
