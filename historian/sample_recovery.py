@@ -1,10 +1,12 @@
 """What a killed process or a power cut leaves in the folder, and how it is put right.
 
-A kill leaves staging files whose names end in `#` and a number; Delta's vacuum does not know them.
+A kill leaves staging files: of Delta, whose names end in `#` and a number and which its vacuum does
+not know, and of our own in the folder `_staging`.
 A power cut can leave the newest log entry or checkpoint torn, because Delta does not fsync them. No
 upload was answered on the strength of such an entry, so it is set aside, never deleted.
 """
 
+import contextlib
 import json
 import re
 import time
@@ -13,6 +15,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+WAITING = "_staging"
 STAGING = re.compile(r"#\d+$")
 ENTRY = re.compile(r"\d{20}\.json$")
 
@@ -34,13 +37,14 @@ def sweep_staging(folder: Path, *, older_than: float) -> int:
     """
     dead = time.time() - older_than
     swept = 0
-    for path in folder.rglob("*#*"):
-        try:
-            if STAGING.search(path.name) and path.stat().st_mtime <= dead:
+    waiting = (path for path in (folder / WAITING).rglob("*") if path.is_file())
+    staged = (path for path in folder.rglob("*#*") if STAGING.search(path.name))
+    for path in [*waiting, *staged]:
+        # its writer may finish, or another process sweep it, at this moment
+        with contextlib.suppress(FileNotFoundError):
+            if path.stat().st_mtime <= dead:
                 path.unlink()
                 swept += 1
-        except FileNotFoundError:  # its writer finished, or another process sweeps as well
-            continue
     return swept
 
 

@@ -45,7 +45,7 @@ class Spool:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def add(self, rows: Rows) -> None:
-        """Take rows in any order; of two values of one cell the one added later will stay."""
+        """Take rows, at least one, in any order; of two values of a cell the later added stays."""
         for day, piece in _by_day(rows):
             self._held.setdefault(day, []).append(piece)
             times = piece["time"]
@@ -102,5 +102,4 @@ def _by_day(rows: Rows) -> Iterator[tuple[date, Rows]]:
         order = np.argsort(days, kind="stable")
         rows, days = rows[order], days[order]
     for piece in np.split(rows, np.flatnonzero(np.diff(days)) + 1):
-        if piece.size:
-            yield day_of(int(piece["time"][0])), piece
+        yield day_of(int(piece["time"][0])), piece

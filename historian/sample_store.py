@@ -6,10 +6,11 @@ upload is in as a whole or not at all. Design and measurements: docs/methods/sam
 
 import contextlib
 import errno
+import itertools
 import random
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import date, datetime
@@ -24,7 +25,7 @@ from historian.sample_change import Change, change_day, discard
 from historian.sample_layout import BUCKETS, SampleFile, bucket_of, day_of
 from historian.sample_log import SampleLog
 from historian.sample_reading import blocks_of, in_order, read_file, read_loop
-from historian.sample_recovery import sweep_staging
+from historian.sample_recovery import WAITING, sweep_staging
 from historian.sample_rows import ROW, Rows, rows_of, samples_of, sorted_once
 from historian.sample_spool import Spool
 from historian.sample_tidy import Tidied, tidy
@@ -37,7 +38,6 @@ ROWS_AT_ONCE = 250_000
 READERS = 4
 DEAD_AFTER = 3600.0  # s without a write, after which the writer of a staging file counts as dead
 BEGINNING, END = (int(limit.astype(np.int64)) for limit in (EARLIEST, LATEST))
-STAGING = "_staging"
 LONGEST_NAME = 200
 
 
@@ -126,7 +126,7 @@ class SampleStore:
         loop = _name(loop_id)
         chunks = [samples] if isinstance(samples, Samples) else samples
         try:
-            with Spool(self._folder / STAGING) as spool:
+            with Spool(self._folder / WAITING) as spool:
                 for chunk in chunks:
                     for start in range(0, len(chunk), ROWS_AT_ONCE):
                         spool.add(rows_of(chunk, start, start + ROWS_AT_ONCE))
@@ -219,15 +219,31 @@ class SampleStore:
             A bound has no time zone, or start is after end.
         """
         loop = _name(loop_id)
-        since = BEGINNING if start is None else microseconds(start)
-        until = END if end is None else microseconds(end)
-        if since > until:
-            raise ValueError(f"start must not be after end, got {start} and {end}")
-        rows = self._rows(loop, first_day=day_of(since), last_day=day_of(until))
-        rows = rows[slice(*np.searchsorted(rows["time"], (since, until)))]
+        since, until = _range(start, end)
+        files = self._listed(
+            bucket=bucket_of(loop), loop=loop, first_day=day_of(since), last_day=day_of(until)
+        )
+        rows = self._rows(loop, files, since, until)
         if not rows.size:
             self.span(loop)  # says so where there is nothing of the loop at all
         return samples_of(rows)
+
+    def read_in_parts(
+        self, loop_id: str | UUID, start: datetime | None = None, end: datetime | None = None
+    ) -> Iterator[Samples]:
+        """Read as `read` does, a day in memory at a time, in order of time.
+
+        A loop or range without samples gives nothing.
+        """
+        loop = _name(loop_id)
+        since, until = _range(start, end)
+        files = self._listed(
+            bucket=bucket_of(loop), loop=loop, first_day=day_of(since), last_day=day_of(until)
+        )
+        for _, of_day in itertools.groupby(files, lambda file: file.day):
+            rows = self._rows(loop, list(of_day), since, until)
+            if rows.size:
+                yield samples_of(rows)
 
     def read_day(self, day: date) -> Iterator[tuple[str, Samples]]:
         """Go through all loops of one day in UTC, a bucket of loops in memory at a time.
@@ -291,13 +307,20 @@ class SampleStore:
                 bucket=bucket, first_day=first_day, last_day=last_day, loop=loop
             )
 
-    def _rows(self, loop: str, *, first_day: date, last_day: date) -> Rows:
-        files = self._listed(
-            bucket=bucket_of(loop), loop=loop, first_day=first_day, last_day=last_day
-        )
+    def _rows(self, loop: str, files: Sequence[SampleFile], since: int, until: int) -> Rows:
         with ThreadPoolExecutor(READERS) as readers:
             blocks = list(readers.map(lambda file: read_loop(self._folder, file, loop), files))
-        return sorted_once(np.concatenate([*blocks, np.empty(0, ROW)]))
+        rows = sorted_once(np.concatenate([*blocks, np.empty(0, ROW)]))
+        first, last = np.searchsorted(rows["time"], (since, until))
+        return rows[first:last]
+
+
+def _range(start: datetime | None, end: datetime | None) -> tuple[int, int]:
+    since = BEGINNING if start is None else microseconds(start)
+    until = END if end is None else microseconds(end)
+    if since > until:
+        raise ValueError(f"start must not be after end, got {start} and {end}")
+    return since, until
 
 
 def _name(loop_id: str | UUID) -> str:

@@ -6,6 +6,7 @@ from uuid import UUID
 import numpy as np
 import pytest
 
+from historian.sample_layout import bucket_of
 from historian.sample_store import SampleStore, Span
 from historian.samples import Samples
 from loop.errors import NoSamples
@@ -140,6 +141,22 @@ def test_loops_that_share_files_keep_their_own_samples(store: SampleStore) -> No
         assert store.read(loop).pv.tolist() == expected
     assert store.span("LIC-17").rows == 4
     assert store.span("LIC-18").rows == 3
+
+
+def test_days_between_those_of_an_upload_are_left_alone(store: SampleStore) -> None:
+    store.write("FIC-211", samples([86_400], pv=2.0))
+    store.write("FIC-211", samples([0, 2 * 86_400], pv=[1, 3]))
+    assert store.read("FIC-211").pv.tolist() == [1, 2, 3]
+
+
+def test_a_loop_is_not_in_a_file_only_because_its_name_would_fit(store: SampleStore) -> None:
+    first, between, last = [n for n in map(str, range(100, 200)) if bucket_of(n) == 3][:3]
+    for loop in (first, last):
+        store.write(loop, samples([0], pv=1.0))
+    store.tidy()
+    store.write(between, samples([86_400], pv=2.0))
+    assert store.span(between).rows == 1
+    assert store.read(between).pv.tolist() == [2.0]
 
 
 def test_a_uuid_and_its_text_are_the_same_loop(store: SampleStore) -> None:
@@ -280,3 +297,14 @@ def test_samples_that_cannot_be_are_refused(change: dict[str, object], words: st
     fields = {name: getattr(good, name) for name in ("time", "pv", "sp", "op", "mode")}
     with pytest.raises(ValueError, match=words):
         Samples(**(fields | change))
+
+
+def test_a_long_range_comes_a_day_at_a_time(store: SampleStore) -> None:
+    sent = samples([0, 60, 86_400, 86_460, 3 * 86_400], pv=[1, 2, 3, 4, 5])
+    store.write("FIC-211", sent)
+    store.write("FIC-211", samples([30], pv=1.5))
+    parts = [part.pv.tolist() for part in store.read_in_parts("FIC-211")]
+    assert parts == [[1, 1.5, 2], [3, 4], [5]]
+    start, end = MIDNIGHT + timedelta(seconds=60), MIDNIGHT + timedelta(seconds=86_460)
+    assert [part.pv.tolist() for part in store.read_in_parts("FIC-211", start, end)] == [[2], [3]]
+    assert list(store.read_in_parts("FIC-212")) == []

@@ -143,10 +143,10 @@ def test_killed_at_random_instants_it_keeps_all_it_answered_and_nothing_twice(
 ) -> None:
     chance = random.Random(20260301)  # noqa: S311
     done = 0
-    for attempt in range(30):
+    for attempt in range(20):
         name = f"attempt-{attempt}"
         child = writers.start(name, done, 1000, *LOOPS)
-        time.sleep(chance.uniform(0, 0.25))
+        time.sleep(chance.uniform(0, 0.2))
         os.kill(child, signal.SIGKILL)
         wait_for(lambda child=child: not alive(child))
         answered = writers.answered(name)
@@ -159,7 +159,7 @@ def test_killed_at_random_instants_it_keeps_all_it_answered_and_nothing_twice(
         if half_way:  # the upload that was under way: in as a whole, though not answered
             assert half_way == [LOOPS[done % len(LOOPS)]]
             assert same(stored(store, half_way[0]), expected([*range(done + 1)], half_way[0]))
-    assert done > 10
+    assert done > 5
     assert not list(writers.folder.rglob("*#*"))
 
     store.write(LOOPS[done % len(LOOPS)], upload(done))  # simply sent again
@@ -174,7 +174,7 @@ def test_killed_at_random_instants_it_keeps_all_it_answered_and_nothing_twice(
 
 
 def test_four_processes_at_once_lose_nothing(writers: Writers) -> None:
-    each, start = 12, {"w0": 0, "w1": 1000, "w2": 2000, "w3": 3000}
+    each, start = 8, {"w0": 0, "w1": 1000, "w2": 2000, "w3": 3000}
     children = [writers.start(name, n, each, "FIC-7", f"own-{name}") for name, n in start.items()]
     wait_for(lambda: not any(alive(child) for child in children))
 

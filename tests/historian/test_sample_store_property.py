@@ -47,7 +47,7 @@ def same(one: dict[int, Cells], other: dict[int, Cells]) -> bool:
     )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     history=st.lists(st.tuples(st.sampled_from("ABC"), uploads), max_size=5),
     tidy_at=st.integers(0, 5),
