@@ -17,10 +17,12 @@ from loop.signals import Real
 POINTS_A_DECADE = 16
 # Decades below the lowest and above the highest corner where a loop is at its asymptote.
 ASYMPTOTE = 1e4
+# Accuracy of ln w: crossovers to the last digits; at an extreme, where values hardly change, less.
+FINEST, EXTREME = 4e-16, 1e-10
 
 
 def solve_brackets(
-    f: Callable[[Real], Real], left: Real, right: Real, *, resolution: float = 4e-16
+    f: Callable[[Real], Real], left: Real, right: Real, *, resolution: float = FINEST
 ) -> Real:
     """Solve f(w) = 0 in many brackets at once, by Chandrupatla's method in ln w [1]_.
 
@@ -112,36 +114,52 @@ class Crossovers:
     w: Real
 
 
-def gain_crossovers(loop: FactoredLoop) -> tuple[Real, Real, Real]:
-    """Find every frequency where |L| = 1.
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class GainCuts:
+    """Frequencies that cut the axis into stretches of monotone |L| on one side of 1.
+
+    Attributes
+    ----------
+    wc : ndarray, shape (n,)
+        Frequencies where |L| = 1. [rad/s]
+    turns : ndarray, shape (k,)
+        Extremes of |L|. [rad/s]
+    w : ndarray, shape (m,)
+        Every frequency looked at, ascending, both among them. [rad/s]
+    """
+
+    wc: Real
+    turns: Real
+    w: Real
+
+
+def gain_cuts(loop: FactoredLoop) -> GainCuts:
+    """Find every gain crossover and every extreme of |L|.
 
     Parameters
     ----------
     loop : FactoredLoop
         Open loop.
-
-    Returns
-    -------
-    wc, turns, w : tuple of ndarray
-        Gain crossovers, extremes of |L|, and the scanned frequencies with both. [rad/s]
     """
     w = _scan(loop)
-    turns = _sign_changes(loop.gain_slope, w)
+    turns = _sign_changes(loop.gain_slope, w, EXTREME)
     w = np.union1d(w, turns)
     wc = _sign_changes(loop.log_gain, w)
-    return wc, turns, np.union1d(w, wc)
+    return GainCuts(wc=wc, turns=turns, w=np.union1d(w, wc))
 
 
-def crossovers(loop: FactoredLoop) -> Crossovers:
-    """Find the gain crossovers and, between them, the phase crossovers that bound the gain.
+def crossovers(loop: FactoredLoop, cuts: GainCuts) -> Crossovers:
+    """Find, between the gain crossovers, the phase crossovers that bound the gain.
 
     Parameters
     ----------
     loop : FactoredLoop
         Open loop.
+    cuts : GainCuts
+        Its gain crossovers.
     """
-    wc, turns, w = gain_crossovers(loop)
-    w = np.union1d(w, _sign_changes(loop.phase_slope, w))
+    wc, turns = cuts.wc, cuts.turns
+    w = np.union1d(cuts.w, _sign_changes(loop.phase_slope, cuts.w, EXTREME))
     size, phase = np.abs(loop.log_gain(w)), loop.phase(w)
     ends = np.unique(
         np.concatenate([[0, w.size - 1], np.searchsorted(w, np.concatenate([wc, turns]))])
@@ -170,10 +188,12 @@ def _first_phase_crossover(loop: FactoredLoop, w: Real, phase: Real) -> float:
     return float(root[0])
 
 
-def _sign_changes(f: Callable[[Real], Real], w: Real) -> Real:
+def _sign_changes(f: Callable[[Real], Real], w: Real, resolution: float = FINEST) -> Real:
     positive = f(w) >= 0
     at = np.flatnonzero(positive[1:] != positive[:-1])
-    return solve_brackets(f, w[at], w[at + 1]) if at.size else np.array([])
+    if not at.size:
+        return np.array([])
+    return solve_brackets(f, w[at], w[at + 1], resolution=resolution)
 
 
 def _scan(loop: FactoredLoop) -> Real:

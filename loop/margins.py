@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from loop.controller import PID
-from loop.crossovers import Crossovers, Run, crossovers, solve_brackets
+from loop.crossovers import EXTREME, Crossovers, Run, crossovers, gain_cuts, solve_brackets
 from loop.errors import UnstableLoop
 from loop.factors import FactoredLoop
 from loop.process import Process
@@ -90,10 +90,11 @@ def loop_margins(loop: FactoredLoop) -> Margins:
     UnstableLoop
         The closed loop is unstable or on the stability limit.
     """
-    unstable = count_unstable_poles(loop)
+    cuts = gain_cuts(loop)
+    unstable = count_unstable_poles(loop, cuts)
     if unstable:
         raise UnstableLoop(unstable)
-    found = crossovers(loop)
+    found = crossovers(loop, cuts)
     inverse = _inverse_gains(loop, found)
     turn = np.mod(loop.phase(found.wc) + math.pi, 2 * math.pi)
     Ms, Mt = _peaks(loop, found)
@@ -181,7 +182,7 @@ def _samples(run: Run) -> Real:
 def _summits(w: Real, rise: Real, slope: Callable[[Real], Real]) -> Real:
     """Frequencies where a slope turns from rising to falling. [rad/s]"""
     at = np.flatnonzero((rise[:-1] > 0) & (rise[1:] <= 0))
-    return solve_brackets(slope, w[at], w[at + 1])
+    return solve_brackets(slope, w[at], w[at + 1], resolution=EXTREME)
 
 
 def _sensitivities(loop: FactoredLoop, w: Real) -> tuple[Real, Real, Real, Real]:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from loop.controller import PID, controller_response
-from loop.crossovers import crossovers
+from loop.crossovers import crossovers, gain_cuts
 from loop.factors import FactoredLoop
 from loop.process import Process
 from loop.signals import Complex, Real
@@ -168,7 +168,7 @@ def frequency_grid(process: Process, controller: PID, points: int = 400) -> Real
     if points < 2:
         raise ValueError(f"a plot needs at least 2 points, got {points}")
     loop = FactoredLoop.of(process, controller)
-    found = crossovers(loop)
+    found = crossovers(loop, gain_cuts(loop))
     w180 = np.array([run.w180 for run in found.runs if not math.isnan(run.w180)])
     roots = np.abs(np.concatenate([loop.zeros, loop.poles]))
     corners = roots[roots > 0]

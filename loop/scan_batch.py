@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from loop.batch import MarginBatch
-from loop.crossovers import ASYMPTOTE, POINTS_A_DECADE, solve_brackets
+from loop.crossovers import ASYMPTOTE, EXTREME, FINEST, POINTS_A_DECADE, solve_brackets
 from loop.lag_loops import LagLoops
 from loop.margins import LARGEST_LOG_GAIN
 from loop.signals import Flags, Real
@@ -24,7 +24,6 @@ Rows: TypeAlias = npt.NDArray[np.intp]
 TURN = 2 * math.pi
 # From the end of a stretch nearest |L| = 1 to the other: even, and dense at that end.
 SAMPLES = np.unique(np.concatenate([np.linspace(0.0, 1.0, 25), 2.0 ** -np.arange(5, 44.0)]))
-PEAK_RESOLUTION = 1e-10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +67,7 @@ def scan_margins(loops: LagLoops) -> MarginBatch:
         Open loops, shape (n,); each has more poles than zeros, or as many and dead time.
     """
     axis = _start(loops)
-    axis = axis.with_points(_solve(loops, LagLoops.gain_slope, axis.w), cut=True)
+    axis = axis.with_points(_solve(loops, LagLoops.gain_slope, axis.w, EXTREME), cut=True)
     wc = _solve(loops, LagLoops.log_gain, axis.w)
     stable = _stable(loops, axis, wc)
     gain, gain_reduction = np.zeros(loops.size), np.zeros(loops.size)
@@ -78,7 +77,7 @@ def scan_margins(loops: LagLoops) -> MarginBatch:
         kept, axis, wc = _keep(stable, loops, axis, wc)
         phase[stable], delay[stable] = _phase_and_delay(kept, wc)
         axis = axis.with_points(wc, cut=True)
-        axis = axis.with_points(_solve(kept, LagLoops.phase_slope, axis.w), cut=False)
+        axis = axis.with_points(_solve(kept, LagLoops.phase_slope, axis.w, EXTREME), cut=False)
         runs = _runs(kept, axis)
         gain[stable], gain_reduction[stable] = _gain(kept, runs)
         Ms[stable], Mt[stable] = _peaks(kept, axis, runs)
@@ -137,14 +136,17 @@ def _asymptote(log_size: Real, slope: Real) -> Real:
     return np.where(slope != 0, crossing, math.inf)
 
 
-def _solve(loops: LagLoops, f: Callable[[LagLoops, Real], Real], w: Real) -> _Points:
+def _solve(
+    loops: LagLoops, f: Callable[[LagLoops, Real], Real], w: Real, resolution: float = FINEST
+) -> _Points:
     """Every frequency where f changes its sign between neighbours of w, shape (n, m)."""
     positive = f(loops.columns(), w) >= 0
     row, col = np.nonzero(positive[:, 1:] != positive[:, :-1])
     if not row.size:
         return _Points(row, np.zeros(0))
     part = loops.take(row)
-    return _Points(row, solve_brackets(lambda x: f(part, x), w[row, col], w[row, col + 1]))
+    left, right = w[row, col], w[row, col + 1]
+    return _Points(row, solve_brackets(lambda x: f(part, x), left, right, resolution=resolution))
 
 
 def _stable(loops: LagLoops, axis: _Axis, wc: _Points) -> Flags:
@@ -272,7 +274,7 @@ def _raise_to_summits(
     part = loops.take(row[line])
     left, right = np.sort((w[line, col], w[line, col + 1]), axis=0)
     at = solve_brackets(
-        lambda x: sensitivities(part, x)[which + 2], left, right, resolution=PEAK_RESOLUTION
+        lambda x: sensitivities(part, x)[which + 2], left, right, resolution=EXTREME
     )
     np.maximum.at(peak, row[line], sensitivities(part, at)[which])
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from loop.controller import PID
-from loop.crossovers import gain_crossovers
+from loop.crossovers import GainCuts, gain_cuts
 from loop.errors import INFINITELY_MANY
 from loop.factors import FactoredLoop, polynomial_roots
 from loop.process import Process
@@ -51,20 +51,23 @@ def unstable_poles(process: Process, controller: PID, *, delay: float = 0.0) -> 
     .. [1] K. Walton, J. E. Marshall, "Direct method for TDS stability analysis", IEE Proceedings D
        134 (1987) 101-107.
     """
-    return count_unstable_poles(FactoredLoop.of(process, controller, delay=delay))
+    loop = FactoredLoop.of(process, controller, delay=delay)
+    return count_unstable_poles(loop, gain_cuts(loop))
 
 
-def count_unstable_poles(loop: FactoredLoop) -> int:
+def count_unstable_poles(loop: FactoredLoop, cuts: GainCuts) -> int:
     """Count the unstable closed-loop poles of a factored loop.
 
     Parameters
     ----------
     loop : FactoredLoop
         Open loop.
+    cuts : GainCuts
+        Its gain crossovers.
     """
     if loop.theta > 0 and (loop.excess < 0 or (loop.excess == 0 and loop.log_k > -ROUNDING)):
         return INFINITELY_MANY
-    wc, _, w = gain_crossovers(loop)
+    wc, w = cuts.wc, cuts.w
     if loop.theta == 0:
         roots, lost = _poles_without_dead_time(loop, float(wc[-1] if wc.size else w[w.size // 2]))
         return int(np.sum(roots.real >= -ON_THE_AXIS * np.abs(roots))) + lost
