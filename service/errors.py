@@ -61,6 +61,27 @@ class SheetDecided(ServiceError):
         self.sheet_status = status
 
 
+class NotTheAuthor(ServiceError):
+    """Only who wrote a draft may withdraw it."""
+
+    def __init__(self, author: str) -> None:
+        super().__init__(
+            f"{author} wrote this draft and may withdraw it; an approver can reject it."
+        )
+        self.author = author
+
+
+class NoProcess(ServiceError):
+    """What is linked carries no process model, so there are no margins."""
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(
+            f"The {kind} has no process model: it was refused, or is of a kind that has none. "
+            "Link another one, or none."
+        )
+        self.kind = kind
+
+
 class BlockChanged(ServiceError):
     """The loop's controller block is not the one the draft was written for."""
 

@@ -1,5 +1,6 @@
 """Bringing a database to the state this version needs, and proving that it is there."""
 
+from functools import cache
 from pathlib import Path
 
 from alembic import command
@@ -43,6 +44,12 @@ def migrate(url: URL | str) -> str:
         held.engine.dispose()
 
 
+@cache
+def newest_revision() -> str | None:
+    """Name the state this version of the service needs."""
+    return ScriptDirectory.from_config(alembic_config()).get_current_head()
+
+
 def assert_ready(held: Database) -> None:
     """Refuse a database that is not in the state this version needs.
 
@@ -51,7 +58,7 @@ def assert_ready(held: Database) -> None:
     NotReady
         It is not migrated, or a trigger that guards rows written once is missing.
     """
-    newest = ScriptDirectory.from_config(alembic_config()).get_current_head()
+    newest = newest_revision()
     with held.engine.connect() as connection:
         found = MigrationContext.configure(connection).get_current_revision()
         if found != newest:

@@ -37,6 +37,8 @@ PROBLEMS: dict[type[Exception], Kind] = {
     errors.NotAuthenticated: Kind(401, "not-authenticated"),
     errors.Forbidden: Kind(403, "forbidden"),
     errors.SelfApproval: Kind(403, "self-approval"),
+    errors.NotTheAuthor: Kind(403, "not-the-author"),
+    errors.NoProcess: Kind(422, "no-process"),
     errors.NotFound: Kind(404, "not-found"),
     errors.TagTaken: Kind(409, "tag-taken"),
     errors.LastAdminKey: Kind(409, "last-admin-key"),

@@ -174,7 +174,7 @@ class SheetRow(Table):
     model_id: Mapped[UUID | None] = mapped_column(ForeignKey("model.id"))
     tuning_id: Mapped[UUID | None] = mapped_column(ForeignKey("tuning.id"))
     process: Mapped[dict[str, object] | None]
-    margins: Mapped[dict[str, object] | None]
+    evidence: Mapped[dict[str, object] | None]
     profile: Mapped[str]
     reason: Mapped[str]
     author: Mapped[str]

@@ -168,7 +168,7 @@ def upgrade() -> None:
         sa.Column("model_id", sa.Uuid(), nullable=True),
         sa.Column("tuning_id", sa.Uuid(), nullable=True),
         sa.Column("process", sa.JSON(), nullable=True),
-        sa.Column("margins", sa.JSON(), nullable=True),
+        sa.Column("evidence", sa.JSON(), nullable=True),
         sa.Column("profile", sa.String(), nullable=False),
         sa.Column("reason", sa.String(), nullable=False),
         sa.Column("author", sa.String(), nullable=False),

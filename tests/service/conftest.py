@@ -164,6 +164,7 @@ def client_as(anonymous: TestClient, sessions: sessionmaker[Session]) -> Callabl
         with sessions.begin() as session:
             _, token = create_key(session, owner=owner or f"{role} person", role=Role(role))
         client = TestClient(anonymous.app)
+        client.portal = anonymous.portal  # one event loop for all of them
         client.headers["Authorization"] = f"Bearer {token}"
         return client
 
