@@ -90,6 +90,19 @@ def test_an_entry_that_another_process_left_unsecured_is_secured_before_the_answ
     assert folder / "_delta_log" in synced
 
 
+def test_entries_before_an_answered_one_are_on_the_disk_too(
+    folder: Path, synced: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, other = SampleStore(folder), SampleStore(folder)
+    with monkeypatch.context() as patch:
+        patch.setattr(SampleLog, "secure", lambda _: None)  # killed just before it was safe
+        other.write("FIC-211", samples(1.0))
+    synced.clear()
+    store.write("FIC-212", samples(1.0))
+    log = folder / "_delta_log"
+    assert {log / f"{1:020d}.json", log / f"{2:020d}.json", log} <= set(synced)
+
+
 def test_data_is_on_the_disk_before_the_log_speaks_of_it(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -243,7 +256,7 @@ def test_a_full_disk_under_the_log_is_said_so_and_leaves_nothing(
     assert store.write("FIC-211", samples(1.0)).new == 1
 
 
-def test_files_stay_where_the_commit_failed_only_after_it_was_in(
+def test_files_of_a_commit_that_got_in_before_its_error_stay(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = SampleStore(folder)
