@@ -251,7 +251,7 @@ def _on_points(shape: _Shape, u: Real) -> tuple[Real, Real, Real, Flags]:
     w, zeros = np.sqrt(x), shape.zeros(x)
     lead, lag = shape.lead(w, x), shape.lag(w)
     product: Real = np.ones(1)
-    drop: Real = np.ones(1)
+    drop: Real = np.ones(x.shape)  # also where there is no lag to widen it
     for T in shape.lags:
         bend = 1 + T * T * x
         product = product * bend
