@@ -216,31 +216,6 @@ def test_peaks_bound_the_margins() -> None:
             assert found.Ms >= 0.5 / math.sin(math.radians(found.phase / 2)) * (1 - 1e-12)
 
 
-def test_margins_are_those_of_python_control_with_a_pade_approximation_of_order_ten() -> None:
-    rng = np.random.default_rng(8)
-    compared = 0
-    for _ in range(1000):
-        theta = 10 ** rng.uniform(-0.5, 0.5)
-        process = FOPDT(K=1, tau=10 ** rng.uniform(-0.5, 1), theta=theta)
-        controller = PID(
-            Kc=10 ** rng.uniform(-1, 0.2) * (1 + process.tau / theta),
-            Ti=10 ** rng.uniform(0, 1),
-            Td=0.0 if rng.random() < 0.5 else 0.3 * theta,
-        )
-        loop = to_control(process, pade_order=10) * controller_to_control(controller)
-        gain, phase, _, w180, crossover, _ = control.stability_margins(loop)
-        try:
-            found = margins(process, controller)
-        except UnstableLoop:  # whether it is has its own tests
-            continue
-        if w180 * theta > 12:  # beyond the reach of the approximation
-            continue
-        assert (gain, abs(phase)) == pytest.approx((found.gain, found.phase), rel=1e-6)
-        assert math.radians(phase) / crossover == pytest.approx(found.delay, rel=1e-6)
-        compared += 1
-    assert 300 < compared < 900
-
-
 def test_peaks_are_those_of_a_dense_grid() -> None:
     rng = np.random.default_rng(9)
     w = np.geomspace(1e-4, 1e3, 20_001)
