@@ -7,17 +7,19 @@ J. Process Control, vol. 70, pp. 36-46, 2018 (PID). The originals were not read;
 third of the dead time, added to tau or as a series Td) is as quoted by two public sources.
 Computed here: PID at tau_c = theta has Ms 1.433 and at theta/2 1.659; PI at tau = theta 1.683.
 
-The PID column is in the SERIES form, converted here exactly with a derivative filter of 0.05 Td'.
+The PID column is in the SERIES form, converted here exactly with a derivative filter of 0.05
+times the shorter of the series Ti and Td.
 
 Range: as SIMC, tau_c >= theta; theta/2 is said to be typical for the PID (from memory).
 """
 
 from types import MappingProxyType
 
-from loop.controller import PID, Action, SeriesPID
+from loop.controller import PID, Action
 from loop.errors import RuleNotApplicable
 from loop.process import FOPDT, Process
 from tuning.rule import Rule, accept, chosen_tau_c
+from tuning.series_form import series_to_isa
 from tuning.simc import FILTER, default_tau_c, notes
 
 
@@ -65,7 +67,7 @@ def isimc_pid(process: Process, tau_c: float | None = None, *, alpha: float = FI
     tau_c : float, optional
         Desired closed-loop time constant. Default: theta. [s]
     alpha : float
-        Time of the derivative filter over the series Td. [-]
+        Time of the derivative filter over the shorter of the series Ti and Td. [-]
 
     Raises
     ------
@@ -83,13 +85,13 @@ def isimc_pid(process: Process, tau_c: float | None = None, *, alpha: float = FI
     if model.theta == 0:
         raise RuleNotApplicable(rule, "without dead time its Td is 0: take SIMC PI")
     wait = chosen_tau_c(tau_c, default_tau_c(model), rule) + model.theta
-    return SeriesPID(
+    return series_to_isa(
         Kc=model.tau / (abs(model.K) * wait),
         Ti=min(model.tau, 4 * wait),
         Td=model.theta / 3,
         alpha=alpha,
-        action=Action.for_gain(model.K),
-    ).to_isa()
+        K=model.K,
+    )
 
 
 RULE = Rule(

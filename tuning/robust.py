@@ -94,7 +94,7 @@ def robust_tau_c(
             "without dead time nothing in the model bounds the speed; choose tau_c",
         )
     search = _Search(process, rule, structure, profile, sample_time)
-    grid = theta * np.geomspace(FLOOR, CEILING, POINTS)
+    grid = search.within_limits(theta * np.geomspace(FLOOR, CEILING, POINTS))
     found = search.answer(_smallest(search, grid, FIRST_LOOK))
     if found is not None and not found.verification.passes:
         found = search.answer(_smallest(search, grid, FACTORS))
@@ -110,6 +110,23 @@ class _Search:
     structure: str
     profile: Profile
     sample_time: float
+
+    def within_limits(self, tau_c: Real) -> Real:
+        """Leave out what gives settings that no controller takes, as at the limits of models."""
+        kept, limit = [], None
+        for x in tau_c:
+            try:
+                self.settings(np.array([x]))
+            except ValueError as refusal:
+                limit = refusal
+            else:
+                kept.append(float(x))
+        if not kept:
+            raise RuleNotApplicable(
+                f"{self.rule.title} {self.structure}",
+                f"at no tau_c does it give settings that a controller takes: {limit}",
+            )
+        return np.array(kept)
 
     def settings(self, tau_c: Real) -> list[PID]:
         tune = self.rule.structures[self.structure]

@@ -6,9 +6,10 @@ original was not read; the formulas are as quoted by three public sources, and t
 known for come out of them (first order GM 3.142, PM 61.35°, Ms 1.590).
 
 The PID columns are published in the SERIES form, and are converted here with their derivative
-filter, exactly. The filter that will run is part of the settings: 0.05 Td' gives an ISA N of 9 to
-19, within the practice of 8 to 20. A double integrator does not bear it (Ms 2.99 against 1.96
-without filter), so there it is 0.01 Td', N 49, Ms 2.115; with 0.1 Td' Ms would be 5.3.
+filter, exactly. The filter that will run is part of the settings: 0.05 times the shorter of the
+series Ti and Td gives an ISA N of 9 to 19, within the practice of 8 to 20. A double integrator
+does not bear it (Ms 2.99 against 1.96 without filter), so there it is 0.01 Td', N 49, Ms 2.115;
+with 0.1 Td' Ms would be 5.3.
 
 Range: tau_c >= theta is recommended; nothing faster.
 """
@@ -16,10 +17,11 @@ Range: tau_c >= theta is recommended; nothing faster.
 import math
 from types import MappingProxyType
 
-from loop.controller import PID, Action, SeriesPID
+from loop.controller import PID, Action
 from loop.errors import RuleNotApplicable
 from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process, TransferFunction
 from tuning.rule import Rule, accept, chosen_tau_c, refuse_type
+from tuning.series_form import series_to_isa
 
 TITLE = "SIMC"
 FILTER, DOUBLE_INTEGRATOR_FILTER = 0.05, 0.01
@@ -83,7 +85,7 @@ def simc_second_order_pid(
     tau_c : float, optional
         Desired closed-loop time constant. Default: theta. [s]
     alpha : float
-        Time of the derivative filter over the series Td. [-]
+        Time of the derivative filter over the shorter of the series Ti and Td. [-]
 
     Raises
     ------
@@ -99,13 +101,13 @@ def simc_second_order_pid(
     rule = "SIMC PID"
     model = accept(process, SOPDT, rule)
     wait = chosen_tau_c(tau_c, default_tau_c(model), rule) + model.theta
-    return SeriesPID(
+    return series_to_isa(
         Kc=model.tau1 / (abs(model.K) * wait),
         Ti=min(model.tau1, 4 * wait),
         Td=model.tau2,
         alpha=alpha,
-        action=Action.for_gain(model.K),
-    ).to_isa()
+        K=model.K,
+    )
 
 
 def simc_integrating_lag_pid(
@@ -122,7 +124,7 @@ def simc_integrating_lag_pid(
     tau_c : float, optional
         Desired closed-loop time constant. Default: theta. [s]
     alpha : float
-        Time of the derivative filter over the series Td. [-]
+        Time of the derivative filter over the shorter of the series Ti and Td. [-]
 
     Raises
     ------
@@ -138,13 +140,13 @@ def simc_integrating_lag_pid(
     rule = "SIMC PID"
     K, tau2 = integrator_with_lag(process, rule)
     wait = chosen_tau_c(tau_c, default_tau_c(process), rule) + process.theta
-    return SeriesPID(
+    return series_to_isa(
         Kc=1 / (abs(K) * wait),
         Ti=4 * wait,
         Td=tau2,
         alpha=alpha,
-        action=Action.for_gain(K),
-    ).to_isa()
+        K=K,
+    )
 
 
 def integrator_with_lag(process: Process, rule: str) -> tuple[float, float]:
@@ -176,7 +178,7 @@ def simc_double_integrating_pid(
     tau_c : float, optional
         Desired closed-loop time constant. Default: theta. [s]
     alpha : float
-        Time of the derivative filter over the series Td. [-]
+        Time of the derivative filter over the shorter of the series Ti and Td. [-]
 
     Raises
     ------
@@ -192,13 +194,13 @@ def simc_double_integrating_pid(
     rule = "SIMC PID"
     model = accept(process, DoubleIntegrator, rule)
     wait = chosen_tau_c(tau_c, default_tau_c(model), rule) + model.theta
-    return SeriesPID(
+    return series_to_isa(
         Kc=1 / (4 * abs(model.K) * wait**2),
         Ti=4 * wait,
         Td=4 * wait,
         alpha=alpha,
-        action=Action.for_gain(model.K),
-    ).to_isa()
+        K=model.K,
+    )
 
 
 def simc_pid(process: Process, tau_c: float | None = None) -> PID:
@@ -241,8 +243,8 @@ def notes(structure: str, process: Process, tau_c: float | None) -> tuple[str, .
     if structure == "PID":
         alpha = DOUBLE_INTEGRATOR_FILTER if isinstance(process, DoubleIntegrator) else FILTER
         said.append(
-            f"published in series form, converted exactly with a filter of {alpha:g} Td': "
-            "the margins hold for the N given here"
+            f"published in series form, converted exactly with a filter of {alpha:g} times its "
+            "shorter time: the margins hold for the N given here"
         )
     return tuple(said)
 

@@ -12,6 +12,7 @@ from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, TransferFunction
 from tuning.catalogue import RULES
 from tuning.imc import imc_improved_pi, imc_pid, imc_pid_with_lag
 from tuning.lambda_pi import lambda_integrating_pi, lambda_pi
+from tuning.series_form import series_to_isa
 from tuning.simc import (
     simc_double_integrating_pid,
     simc_integrating_lag_pid,
@@ -196,3 +197,18 @@ def test_settings_of_a_negative_gain_take_the_direct_action() -> None:
             assert pid.action is Action.DIRECT
             assert 0 < pid.Kc < math.inf
             assert isinstance(pid, PID)
+
+
+@pytest.mark.parametrize("ratio", [0.01, 0.3, 1.0, 3.0, 100.0])
+def test_series_settings_keep_their_zeros_and_a_usual_filter_whichever_time_is_longer(
+    ratio: float,
+) -> None:
+    """Second route: the product of the printed series factors with the filter in its place."""
+    pid = series_to_isa(Kc=0.5, Ti=2.0, Td=2.0 * ratio, alpha=0.05, K=-1.0)
+    assert 9 <= pid.N <= 19
+    assert pid.action is Action.DIRECT
+    Tf = 0.05 * min(2.0, 2.0 * ratio)
+    for s in (0.01j, 1j, 30j):
+        series = 0.5 * (1 + 1 / (2.0 * s)) * (2.0 * ratio * s + 1) / (Tf * s + 1)
+        isa = pid.Kc * (1 + 1 / (pid.Ti * s) + pid.Td * s / (1 + pid.Td * s / pid.N))
+        assert isa == pytest.approx(series, rel=1e-9)

@@ -106,6 +106,16 @@ def test_a_first_look_that_sees_too_little_is_corrected_by_the_whole_sweep(
     assert robust_tau_c(process, SIMC, "PI", GENERAL).tau_c == pytest.approx(usual.tau_c, rel=1e-6)
 
 
+def test_speeds_beyond_every_controller_are_left_out_of_the_search() -> None:
+    """K = 1e8: Kc reaches its smallest value within the range of the search."""
+    found = robust_tau_c(FOPDT(K=1e8, tau=1.0, theta=0.5), SIMC, "PI", GENERAL)
+    usual = robust_tau_c(FOPDT(K=1.0, tau=1.0, theta=0.5), SIMC, "PI", GENERAL)
+    assert found.tau_c == pytest.approx(usual.tau_c, rel=1e-6)
+
+    with pytest.raises(RuleNotApplicable, match=r"at no tau_c .* Kc must lie within"):
+        robust_tau_c(FOPDT(K=5e8, tau=1.0, theta=50.0), SIMC, "PI", GENERAL)
+
+
 def test_without_dead_time_there_is_no_smallest_speed() -> None:
     with pytest.raises(RuleNotApplicable, match="nothing in the model bounds the speed"):
         robust_tau_c(FOPDT(K=1.0, tau=1.0, theta=0.0), SIMC, "PI", GENERAL)
