@@ -1,6 +1,6 @@
 """Account for every row and cell: kept, gap, merged or rejected with line and reason."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -99,14 +99,18 @@ class Ledger:
     ----------
     most : int
         Rejections that are listed one by one.
+
+    Rows are counted by tag in long and paired files, under "" where all tags share them and for
+    lines of which nobody knows the tag.
     """
 
     def __init__(self, most: int) -> None:
         self._most = most
         self.rejections: list[Rejection] = []
         self.reasons: Counter[str] = Counter()
+        self.rows_read: Counter[str] = Counter()
         self.rows_rejected: Counter[str] = Counter()
-        self.words: dict[str, Counter[str]] = {}
+        self.words: defaultdict[str, Counter[str]] = defaultdict(Counter)
         self.empty: Counter[str] = Counter()
         self.cells_rejected: Counter[str] = Counter()
         self.zeroed: Counter[str] = Counter()
@@ -145,4 +149,4 @@ class Ledger:
 
     def gap_word(self, column: str, word: str, count: int) -> None:
         """Count cells with a bad-quality word."""
-        self.words.setdefault(column, Counter())[word] += count
+        self.words[column][word] += count

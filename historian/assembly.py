@@ -15,6 +15,7 @@ from historian.sentences import decisions_of, remarks
 from historian.series import Series, Spacing, in_order, spacing_of
 from historian.streams import Stream
 from historian.tag_map import Part, part_of
+from historian.timestamps import SECOND
 from historian.zones import to_utc, zone_named
 from loop.signals import Real
 
@@ -28,19 +29,17 @@ class Assembly:
         What was decided.
     ledger : Ledger
         What the walk noted.
-    rows_read : Counter
-        Rows by tag; under "" where all tags share their rows.
     """
 
-    def __init__(self, plan: Plan, ledger: Ledger, rows_read: Counter[str]) -> None:
+    def __init__(self, plan: Plan, ledger: Ledger) -> None:
         self._plan = plan
         self._ledger = ledger
-        self._rows_read = rows_read
         self._units = {s.tag: s.unit for s in plan.assignment.signals}
         self._modes = {s.tag for s in plan.assignment.signals if s.is_mode}
         self._signals: dict[str, TagSignal] = {}
         self._settled: dict[str, Series] = {}
         self._spacings: dict[str, Spacing] = {}
+        self._steps_back = False
         self._zone = None
         if plan.options.time_zone is not None:
             self._zone = zone_named(plan.options.time_zone)
@@ -64,6 +63,9 @@ class Assembly:
         if self._zone is not None and not (self._plan.time.is_utc or self._plan.time.is_elapsed):
             self._to_utc(stream, "" if self._shared else tags[0])
         series = in_order(stream.instants, stream.values)
+        if series.disordered and any(series.conflicts.values()):
+            steps = np.diff(stream.instants)
+            self._steps_back |= bool(np.any((steps < 0) & (steps >= -3600 * SECOND)))
         stream.values.clear()
         time = as_times(series.instants)
         spacing = spacing_of(series.instants)
@@ -121,7 +123,13 @@ class Assembly:
         if len(members) == 1 and self._plan.options.tag is not None:
             members = [Membership(loop=self._plan.options.tag, tags=members[0].tags)]
         loops = {member.loop: self._loop(member) for member in members}
-        decisions = decisions_of(self._plan, remarks(self._ledger, loops))
+        noticed = remarks(self._ledger, loops)
+        if self.time_zone is None and self._plan.time.is_calendar and self._steps_back:
+            noticed += (
+                "times step back by an hour and rows of the same local time differ, as when the "
+                "clock is set back in autumn; state time_zone=... to keep both",
+            )
+        decisions = decisions_of(self._plan, noticed)
         return Export(
             decisions=decisions,
             signals=self._signals,
@@ -159,20 +167,20 @@ class Assembly:
     def _accounting(self, tags: tuple[str, ...], main: str | None = None) -> Accounting:
         """Close the account of some tags; spacing is that of the main one."""
         ledger = self._ledger
-        rows = ("",) if self._shared else (tags if main is not None else tuple(self._rows_read))
-        read = sum(self._rows_read[tag] for tag in rows)
-        rejected = sum(ledger.rows_rejected[tag] for tag in {*rows, ""})
+        rows: set[str] = {*ledger.rows_read, *ledger.rows_rejected}
+        if main is not None:
+            rows = {""} if self._shared else set(tags)
         distinct = self._distinct(tags)
-        spacing = self._spacings[main] if main is not None else self._widest(distinct)
+        spacing = self._spacings[main] if main is not None else self._widest()
         words: Counter[str] = Counter()
         for tag in tags:
             words.update(ledger.words.get(tag, {}))
         chosen = {*tags, ""}
-        listed = tuple(r for r in ledger.rejections if main is None or r.column in chosen)
+        listed = [r for r in ledger.rejections if main is None or r.column in chosen]
         return Accounting(
-            rows_read=read,
+            rows_read=sum(ledger.rows_read[tag] for tag in rows),
             rows_kept=sum(series.instants.size for series in distinct),
-            rows_rejected=rejected,
+            rows_rejected=sum(ledger.rows_rejected[tag] for tag in rows),
             duplicates=sum(series.duplicates for series in distinct),
             conflicts=sum(s.conflicts.get(tag, 0) for tag in tags for s in [self._settled[tag]]),
             gap_words=dict(words),
@@ -185,24 +193,21 @@ class Assembly:
             irregular=spacing.irregular,
             span=spacing.span,
             disordered=any(series.disordered for series in distinct),
-            rejections=listed,
+            rejections=tuple(sorted(listed, key=lambda rejection: rejection.line)),
             reasons=dict(ledger.reasons),
         )
 
     def _distinct(self, tags: tuple[str, ...]) -> list[Series]:
         return list({id(self._settled[tag]): self._settled[tag] for tag in tags}.values())
 
-    def _widest(self, distinct: list[Series]) -> Spacing:
-        spacings = [spacing_of(series.instants) for series in distinct]
+    def _widest(self) -> Spacing:
         empty = spacing_of(np.zeros(0))
-        return max(spacings, key=lambda spacing: spacing.span, default=empty)
+        return max(self._spacings.values(), key=lambda spacing: spacing.span, default=empty)
 
 
-def assemble(
-    plan: Plan, streams: Iterable[Stream], ledger: Ledger, rows_read: Counter[str]
-) -> Export:
+def assemble(plan: Plan, streams: Iterable[Stream], ledger: Ledger) -> Export:
     """Put an export together from the streams of a walk."""
-    assembly = Assembly(plan, ledger, rows_read)
+    assembly = Assembly(plan, ledger)
     for stream in streams:
         assembly.add(stream)
     return assembly.export()

@@ -1,6 +1,7 @@
 """What a single cell looks like, before anything is known about its column."""
 
 from enum import Enum
+from functools import lru_cache
 
 from historian.modes import is_mode_word
 from historian.numbers import looks_numeric
@@ -27,6 +28,7 @@ MEANT = frozenset(Kind) - {Kind.TEXT}
 """Kinds that a cell of a text without meaning cannot have."""
 
 
+@lru_cache(maxsize=16_384)
 def kind_of(cell: str) -> Kind:
     """Classify one cell.
 

@@ -1,7 +1,7 @@
 """Cells of one block as arrays: numbers at full speed, the odd cells one by one."""
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ import pyarrow.csv as pa_csv
 
 from historian.accounting import Ledger
 from historian.encoding import Block, text_of
-from historian.lines import clean_lines
+from historian.lines import clean_lines, ends_in_a_number
 from historian.numbers import LARGEST, without_denormals
 from historian.options import Layout
 from historian.plan import Plan
@@ -54,13 +54,16 @@ class Cells:
         Cells by column. Numbers are NaN where `odd` lists the row.
     odd : dict of int to (rows, texts)
         Cells of number columns that are not empty and no number, by column.
+    gaps : set of int
+        Number columns in which there may be gaps.
     """
 
     lines: LineNumbers
     numbers: dict[int, Real]
     words: dict[int, Words]
     times: dict[int, pa.Array]
-    odd: dict[int, tuple[Places, Words]]
+    odd: dict[int, tuple[Places, Words]] = field(default_factory=dict)
+    gaps: set[int] = field(default_factory=set)
 
     def time_text(self, column: int, row: int) -> str:
         """Read one time cell as it stands in the file."""
@@ -71,6 +74,8 @@ class Cells:
 
     def empty_in(self, column: int, used: Flags) -> int:
         """Count the empty cells of a number column in the rows that are used."""
+        if column not in self.gaps:
+            return 0
         missing = np.isnan(self.numbers[column]) & used
         if column in self.odd:
             missing[self.odd[column][0]] = False
@@ -99,26 +104,28 @@ class CellReader:
 
     def read(self, block: Block) -> Cells | None:
         """Read one block; None where it holds no rows."""
-        data, lines = block.data, None
+        data, ends, lines = block.data, block.ends, None
         table = None
-        if b"\0" not in data:
+        if not block.terminated:
+            self._ledger.unterminated = True
+        if b"\0" not in data and not ends_in_a_number(block, self._plan):
             table = self._parse(data, numbers_as_text=not self._direct)
-            count = data.count(b"\n") + (not block.terminated)
-            if table is not None and table.num_rows != count:
+            if table is not None and table.num_rows != block.ends.size:
                 table = None
             else:
-                lines = np.arange(block.first_line, block.first_line + count)
+                lines = np.arange(block.first_line, block.first_line + block.ends.size)
         if table is None:
             good = clean_lines(block, self._plan, self._ledger)
             if not good.texts:
                 return None
             lines = np.array(good.numbers)
-            data = b"\n".join(good.texts) + b"\n"
+            data = b"".join(text + b"\n" for text in good.texts)
+            ends = np.cumsum([len(text) + 1 for text in good.texts])
             table = self._parse(data, numbers_as_text=not self._direct)
             if table is None or table.num_rows != len(lines):
                 table = self._split_by_hand(good.texts)
         assert lines is not None  # noqa: S101
-        return self._cells(table, data, lines)
+        return self._cells(table, data, ends, lines)
 
     def _parse(self, data: bytes, *, numbers_as_text: bool) -> pa.Table | None:
         """Split a block with the fast reader; None where it cannot."""
@@ -173,8 +180,8 @@ class CellReader:
             columns[str(column)] = array.dictionary_encode() if few else array
         return pa.table(columns)
 
-    def _cells(self, table: pa.Table, data: bytes, lines: LineNumbers) -> Cells:
-        cells = Cells(lines=lines, numbers={}, words={}, times={}, odd={})
+    def _cells(self, table: pa.Table, data: bytes, ends: Places, lines: LineNumbers) -> Cells:
+        cells = Cells(lines=lines, numbers={}, words={}, times={})
         for column in self._plan.word_columns:
             cells.words[column] = self._words(_joined(table, column))
         for column in self._plan.time_columns:
@@ -184,16 +191,15 @@ class CellReader:
             array = _joined(table, column)
             if pa.types.is_floating(array.type):
                 values = array.to_numpy(zero_copy_only=False)
-                usual = np.abs(values) <= LARGEST
-                if not usual.all():
-                    unsure[column] = ~usual
+                if values.size and not np.abs(values).max() <= LARGEST:  # or NaN
+                    unsure[column] = ~(np.abs(values) <= LARGEST)
                     values = values.copy()
                 cells.numbers[column] = values
             else:
                 cells.numbers[column] = np.full(len(lines), np.nan)
                 self._settle(cells, column, array, np.arange(len(lines)))
         if unsure:
-            self._look_again(cells, unsure, data)
+            self._look_again(cells, unsure, data, ends)
         for column, values in cells.numbers.items():
             settled, zeros = without_denormals(values)
             cells.numbers[column] = settled
@@ -206,10 +212,12 @@ class CellReader:
         words = [text_of(word, self._plan.encoding).strip() for word in dictionary.to_pylist()]
         return Words(array.indices.to_numpy(zero_copy_only=False).astype(np.int64), words)
 
-    def _look_again(self, cells: Cells, unsure: dict[int, Flags], data: bytes) -> None:
+    def _look_again(
+        self, cells: Cells, unsure: dict[int, Flags], data: bytes, ends: Places
+    ) -> None:
         """Read the rows with gaps once more, as text, to account for what stands in them."""
         rows = np.flatnonzero(np.logical_or.reduce(list(unsure.values())))
-        part = _only_lines(data, rows)
+        part = _only_lines(data, ends, rows)
         table = self._parse_columns(part, sorted(unsure), numbers_as_text=True)
         for column, flags in unsure.items():
             chosen = flags[rows]
@@ -218,6 +226,7 @@ class CellReader:
 
     def _settle(self, cells: Cells, column: int, texts: pa.Array, rows: Places) -> None:
         """Read number cells from their text, exactly, and list the odd ones."""
+        cells.gaps.add(column)
         values = cells.numbers[column]
         texts = pc.ascii_trim_whitespace(texts)
         readable = self._readable(texts)
@@ -274,8 +283,7 @@ def _joined(table: pa.Table, column: int) -> pa.Array:
     return chunked.combine_chunks()
 
 
-def _only_lines(data: bytes, rows: Places) -> bytes:
-    ends = np.flatnonzero(np.frombuffer(data, dtype=np.uint8) == ord("\n")) + 1
-    starts = np.concatenate([[0], ends])[rows].tolist()
-    stops = np.append(ends, len(data))[rows].tolist()
+def _only_lines(data: bytes, ends: Places, rows: Places) -> bytes:
+    starts = np.where(rows > 0, ends[rows - 1], 0).tolist()
+    stops = ends[rows].tolist()
     return b"".join(data[a:b] for a, b in zip(starts, stops, strict=True))

@@ -51,7 +51,7 @@ def read_export(
     with opened(path, options.max_bytes) as (reader, _):
         walked = blocks(reader, read_head(reader), plan.encoding, progress)
         streams = walk.streams(_from_line(walked, plan.table.first_line))
-    return assemble(plan, streams, ledger, walk.rows_read)
+    return assemble(plan, streams, ledger)
 
 
 def decide(path: Path | str, *, options: ReadOptions = DECIDE_ALL) -> Decisions:
@@ -72,11 +72,11 @@ def _from_line(walked: Iterable[Block], first_line: int) -> Iterator[Block]:
         if skipped <= 0:
             yield block
             continue
-        start = 0
-        for _ in range(skipped):
-            start = block.data.find(b"\n", start) + 1
-            if start == 0:
-                break
-        else:
-            if start < len(block.data):
-                yield replace(block, first_line=first_line, data=block.data[start:])
+        if skipped < block.ends.size:
+            start = int(block.ends[skipped - 1])
+            yield replace(
+                block,
+                first_line=first_line,
+                data=block.data[start:],
+                ends=block.ends[skipped:] - start,
+            )

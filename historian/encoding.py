@@ -4,6 +4,9 @@ import codecs
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from historian.archives import LimitedReader
 from historian.errors import ExportRefused
 
@@ -41,7 +44,7 @@ class Encoding:
     words: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Block:
     """Whole lines of a file, separated by LF or CRLF.
 
@@ -53,11 +56,14 @@ class Block:
         The lines, in UTF-8 or another encoding that keeps ASCII.
     terminated : bool
         Whether the last line has its line end.
+    ends : ndarray of int64, shape (lines,)
+        Where every line ends, after its line end.
     """
 
     first_line: int
     data: bytes
     terminated: bool
+    ends: npt.NDArray[np.int64]
 
 
 def decide_encoding(head: bytes, stated: str | None) -> Encoding:
@@ -94,7 +100,7 @@ def _from_pattern(head: bytes) -> tuple[str, str]:
         return "utf-16-le", "UTF-16-LE, since every second byte is zero"
     if low > 0.4 and high < 0.1:
         return "utf-16-be", "UTF-16-BE, since every second byte is zero"
-    if head.count(0) > len(head) // 4:
+    if head.count(0) * 10 > len(head) * 9:
         raise ExportRefused("The file is mostly NUL bytes, not text; export it again.")
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
@@ -144,12 +150,17 @@ def blocks(
                     line=line,
                 )
             continue
-        data = rest + piece[:cut] if rest else piece[:cut]
+        data = b"".join((rest, memoryview(piece)[:cut]))
         rest = piece[cut:]
-        yield Block(line, data, terminated=True)
-        line += data.count(b"\n")
+        ends = _line_ends(data)
+        yield Block(line, data, terminated=True, ends=ends)
+        line += ends.size
     if rest:
-        yield Block(line, rest, terminated=False)
+        yield Block(line, rest, terminated=False, ends=np.array([len(rest)]))
+
+
+def _line_ends(data: bytes) -> npt.NDArray[np.int64]:
+    return np.flatnonzero(np.frombuffer(data, dtype=np.uint8) == ord("\n")) + 1
 
 
 def _ascii_pieces(reader: LimitedReader, head: bytes, encoding: Encoding) -> Iterator[bytes]:

@@ -212,11 +212,11 @@ def _since_start(time: Times, *, known: bool) -> tuple[datetime | None, Real]:
     if time.dtype == np.float64:
         return None, time.astype(np.float64)
     ticks = time.astype("datetime64[ns]").astype(np.int64)
+    if not known:
+        return None, (ticks - ticks[0]) / SECOND
     second = int(ticks[0]) // SECOND
     part = (int(ticks[0]) - second * SECOND) // 1000 * 1000  # datetime keeps microseconds
     t = (ticks - second * SECOND - part) / SECOND
-    if not known:
-        return None, t
     return datetime.fromtimestamp(second, tz=UTC).replace(microsecond=part // 1000), t
 
 

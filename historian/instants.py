@@ -67,11 +67,9 @@ class InstantReader:
             instants = instants / SECOND
         return instants, good, blank
 
-    def _calendar(self, cells: pa.Array, reader: StampReader) -> tuple[Integers, Flags, Flags]:
+    def _calendar(self, cells: pa.Array, reader: StampReader) -> tuple[Instants, Flags, Flags]:
         if pa.types.is_dictionary(cells.type):
-            instants, good, blank = self._calendar(cells.dictionary, reader)
-            places = cells.indices.to_numpy(zero_copy_only=False)
-            return instants[places], good[places], blank[places]
+            return _spread(cells.indices, *self._calendar(cells.dictionary, reader))
         instants, good = reader.read(cells)
         blank = np.zeros(len(cells), dtype=np.bool_)
         if not good.all():
@@ -83,9 +81,7 @@ class InstantReader:
 
     def _numeric(self, cells: pa.Array) -> tuple[Instants, Flags, Flags]:
         if pa.types.is_dictionary(cells.type):
-            instants, good, blank = self._numeric(cells.dictionary)
-            places = cells.indices.to_numpy(zero_copy_only=False)
-            return instants[places], good[places], blank[places]
+            return _spread(cells.indices, *self._numeric(cells.dictionary))
         cells = pc.ascii_trim_whitespace(cells)
         blank = pc.binary_length(cells).to_numpy(zero_copy_only=False) == 0
         name = self._format.name
@@ -105,6 +101,17 @@ class InstantReader:
         with np.errstate(invalid="ignore"):
             ticks = np.round(_floats(cells, self._decimal) * (1_000_000 / per_second))
         return _from_ticks(ticks, 1_000_000, blank)
+
+
+def _spread(
+    indices: pa.Array, instants: Instants, good: Flags, blank: Flags
+) -> tuple[Instants, Flags, Flags]:
+    """Give every row the time of its distinct cell."""
+    places = indices.to_numpy(zero_copy_only=False)
+    if good.all() and not blank.any():
+        every = np.ones(places.size, dtype=np.bool_)
+        return instants[places], every, np.zeros(places.size, dtype=np.bool_)
+    return instants[places], good[places], blank[places]
 
 
 def _from_ticks(ticks: Real, per_second: int, blank: Flags) -> tuple[Integers, Flags, Flags]:

@@ -43,6 +43,8 @@ def clean_lines(block: Block, plan: Plan, ledger: Ledger) -> GoodLines:
             reason = "it holds NUL bytes"
         elif text.count(b'"') % 2:
             reason = "a quotation mark is not closed"
+        elif number == last and ends_in_a_number(block, plan):
+            reason = "its last number ends in the decimal mark"
         if reason is None:
             fitted, reason = _fit(text, plan, header, ledger)
             if fitted is not None:
@@ -52,8 +54,17 @@ def clean_lines(block: Block, plan: Plan, ledger: Ledger) -> GoodLines:
         if reason:
             if number == last and not block.terminated:
                 reason = f"the last line is cut off, {reason}"
+            ledger.rows_read[""] += 1
             ledger.reject_row(number, text_of(text, plan.encoding), reason)
     return good
+
+
+def ends_in_a_number(block: Block, plan: Plan) -> bool:
+    """Tell whether a file without a last line end stops in the middle of a number."""
+    mark = plan.numbers.decimal
+    return (
+        not block.terminated and mark != plan.table.delimiter and block.data.endswith(mark.encode())
+    )
 
 
 def _header_of(plan: Plan) -> tuple[str, ...] | None:

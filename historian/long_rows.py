@@ -1,7 +1,5 @@
 """Rows of a long file, each one sample of one tag, sorted apart at the end."""
 
-from collections import Counter
-
 import numpy as np
 import numpy.typing as npt
 
@@ -29,19 +27,14 @@ class LongRows:
         Collects the accounting.
     instants : InstantReader
         Reads the times.
-    rows_read : Counter
-        Told of the rows of every tag.
     """
 
-    def __init__(
-        self, plan: Plan, ledger: Ledger, instants: InstantReader, rows_read: Counter[str]
-    ) -> None:
+    def __init__(self, plan: Plan, ledger: Ledger, instants: InstantReader) -> None:
         assert plan.assignment.long is not None  # noqa: S101
         self._plan = plan
         self._columns = plan.assignment.long
         self._ledger = ledger
         self._instants = instants
-        self._rows_read = rows_read
         self._tags: dict[str, int] = {}
         self._codes: list[npt.NDArray[np.int16]] = []
         self._times: list[Instants] = []
@@ -82,7 +75,7 @@ class LongRows:
         counts = np.bincount(words.places, minlength=len(words.words)).tolist()
         for word, count in zip(words.words, counts, strict=True):
             if count and not word.startswith("$RT_"):
-                self._rows_read[word] += count
+                self._ledger.rows_read[word] += count
         if footer.any():
             self._ledger.passed_over["footers"] += int(np.count_nonzero(footer))
 
@@ -177,6 +170,5 @@ class LongRows:
         for tag, code in self._tags.items():
             rows = order[ends[code] : ends[code + 1]]
             if rows.size:
-                lines = self._lines.of(rows)
-                streams.append(Stream(times[rows], lines, {tag: values[rows]}))
+                streams.append(Stream(times[rows], self._lines, {tag: values[rows]}, rows))
         return streams

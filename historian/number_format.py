@@ -9,6 +9,7 @@ from historian.options import ReadOptions
 from historian.table_shape import Table
 
 _ONE_GROUP = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}\Z")
+_PLAIN = re.compile(r"[+-]?\d+(?:\.(?:\d{0,2}|\d{4,}))?\Z")  # one reading only
 _EXPONENT = re.compile(r"[eE][+-]?\d+\Z")
 
 
@@ -23,7 +24,7 @@ def decide_numbers(table: Table, assignment: Assignment, options: ReadOptions) -
     AmbiguousNumber
         Where both readings are possible.
     """
-    cells = _number_cells(table, assignment)
+    cells, pointed = _marked_cells(table, assignment)
     texts = [_EXPONENT.sub("", cell) for _, cell in cells]
     groupings = {grouping_of(text) for text in texts} - {""}
     blank = next((mark for mark in (" ", "'") if mark in groupings), "")
@@ -41,10 +42,10 @@ def decide_numbers(table: Table, assignment: Assignment, options: ReadOptions) -
         return NumberFormat(",", ".") if comma_last else NumberFormat(".", ",")
     if any(text.count(",") > 1 for text in with_comma):
         return NumberFormat(".", ",")
+    points_group = not pointed and any(grouping_of(text) == "." for text in texts)
     if any(_ONE_GROUP.match(text) is None for text in with_comma):
-        pointed = any("." in text for text in texts)
-        return NumberFormat(",", "." if pointed else blank)
-    if any("." in text for text in texts):
+        return NumberFormat(",", "." if points_group else blank)
+    if pointed or points_group:
         return NumberFormat(".", ",")
     line, cell = next((line, cell) for line, cell in cells if "," in cell)
     raise AmbiguousNumber(
@@ -59,18 +60,21 @@ def _fits(text: str, decimal: str) -> bool:
     return NumberFormat(decimal, "," if decimal == "." else ".").read(text) is not None
 
 
-def _number_cells(table: Table, assignment: Assignment) -> list[tuple[int, str]]:
+def _marked_cells(table: Table, assignment: Assignment) -> tuple[list[tuple[int, str]], bool]:
+    """List the numbers whose marks need thought, and tell whether others have a decimal point."""
     columns = [s.column for s in assignment.signals if not s.is_mode]
     if assignment.long is not None:
         columns.append(assignment.long.value)
     columns += [column for time in assignment.times for column in time.columns]
-    cells = []
+    cells, pointed = [], False
     for line, row in table.rows:
         for column in dict.fromkeys(columns):
             cell = row[column] if column < len(row) else ""
-            if any(mark in cell for mark in ",. '\u00a0\u202f\u2019") and _is_number(cell):
+            if _PLAIN.match(cell) is not None:
+                pointed = pointed or "." in cell
+            elif _is_number(cell):
                 cells.append((line, cell))
-    return cells
+    return cells, pointed
 
 
 def _is_number(cell: str) -> bool:

@@ -56,12 +56,16 @@ class NumberFormat:
 
 def looks_numeric(text: str) -> bool:
     """Tell whether a cell is a number in some format."""
+    if _POINT.match(text):
+        return True
     text = text.translate(_BLANKS).strip()
     return bool(_POINT.match(text.replace(",", ".", 1))) or grouping_of(text) != ""
 
 
 def grouping_of(text: str) -> str:
     """Find what groups the digits of a number, "" where nothing does."""
+    if text[:1] not in "+-0123456789\u2212":
+        return ""
     text = text.translate(_BLANKS).strip()
     return next((mark for mark, pattern in _GROUPS.items() if pattern.match(text)), "")
 
@@ -81,8 +85,9 @@ def without_denormals(values: Real) -> tuple[Real, int]:
     zeros : int
         How many numbers became zero.
     """
-    small = np.abs(values) < SMALLEST
-    if not small.any():
+    size = np.abs(values)
+    if not size.size or size.min() >= SMALLEST:
         return values, 0
+    small = size < SMALLEST
     zeros = int(np.count_nonzero(small & (values != 0)))
     return (np.where(small, 0.0, values), zeros) if zeros else (values, 0)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping
 from enum import Enum
+from functools import lru_cache
 
 _BAD_WORDS = (
     # system states of PI, also written without blanks
@@ -35,6 +36,7 @@ def plain_word(text: str) -> str:
 _BAD = frozenset(plain_word(word) for word in _BAD_WORDS)
 
 
+@lru_cache(maxsize=4096)
 def is_bad_word(text: str) -> bool:
     """Tell whether a cell states that there is no good value."""
     return plain_word(text) in _BAD or _PI_ERROR.match(text.strip()) is not None

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -72,6 +73,7 @@ class Shape:
         return "hour" in self.spans
 
 
+@lru_cache(maxsize=16_384)
 def shape_of(text: str) -> Shape | None:
     """Find the shape of one stamp, None where it is no stamp.
 

@@ -49,19 +49,22 @@ class Stream:
     ----------
     instants : ndarray, shape (n,)
         Nanoseconds since 1970 as int64, or elapsed seconds as float64.
-    lines : LineMap or ndarray of int64, shape (n,)
-        Line of every row.
+    lines : LineMap
+        Lines of the rows of the file.
+    rows : ndarray of int64, shape (n,), optional
+        Which rows of the file these are; none for all of them.
     values : dict of str to ndarray, shape (n,)
         Values by tag, NaN for gaps; modes as numbers of `Mode`.
     """
 
     instants: Instants
-    lines: LineMap | Integers
+    lines: LineMap
     values: dict[str, Real]
+    rows: Integers | None = None
 
     def lines_of(self, rows: Integers) -> Integers:
         """Find the lines of some rows."""
-        return self.lines.of(rows) if isinstance(self.lines, LineMap) else self.lines[rows]
+        return self.lines.of(rows if self.rows is None else self.rows[rows])
 
 
 @dataclass(slots=True)

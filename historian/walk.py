@@ -1,6 +1,5 @@
 """One walk through the file: rows become streams of instants and values."""
 
-from collections import Counter
 from collections.abc import Iterable
 
 import numpy as np
@@ -37,12 +36,11 @@ class Walk:
         self._ledger = ledger
         self._cells = CellReader(plan, ledger)
         self._instants = InstantReader(plan)
-        self.rows_read: Counter[str] = Counter()
 
     def streams(self, blocks: Iterable[Block]) -> list[Stream]:
         """Walk through the blocks of samples."""
         if self._plan.assignment.long is not None:
-            long = LongRows(self._plan, self._ledger, self._instants, self.rows_read)
+            long = LongRows(self._plan, self._ledger, self._instants)
             for cells in self._each(blocks):
                 long.append(cells)
             return long.finished()
@@ -97,7 +95,7 @@ class Walk:
     ) -> None:
         paired = self._plan.assignment.layout is Layout.PAIRS
         tag = group[0].tag if paired else ""
-        self.rows_read[tag] += int(np.count_nonzero(~empty))
+        self._ledger.rows_read[tag] += int(np.count_nonzero(~empty))
         if empty.any() and not paired:
             self._ledger.passed_over["empty lines"] += int(np.count_nonzero(empty))
         for row in np.flatnonzero(~good & ~empty).tolist():
