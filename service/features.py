@@ -13,8 +13,11 @@ from service.audit.routes import router as audit
 from service.health import router as operation
 from service.keys.routes import router as keys
 from service.loops.routes import router as loops
+from service.models.routes import router as models
+from service.sheets.routes import router as sheets
+from service.tunings.routes import router as tunings
 
-ROUTERS: tuple[APIRouter, ...] = (loops, keys, audit, operation)
+ROUTERS: tuple[APIRouter, ...] = (loops, models, tunings, sheets, keys, audit, operation)
 UPLOADS: tuple[APIRouter, ...] = ()
 
 

@@ -1,0 +1,79 @@
+"""What is known of the data and of the model, as pairs of words for a page or a terminal."""
+
+import numpy as np
+
+from advice.display import digits
+from advice.tune import TuningCase
+from identification.identify import Identification
+from loop.process import Process
+from loop.record import Record
+
+Facts = list[tuple[str, str]]
+
+
+def pv_unit(record: Record | None) -> str:
+    """Unit of PV for an axis or a number; PV itself where nobody said."""
+    return (record.pv_unit if record is not None else "") or "PV"
+
+
+def op_unit(record: Record | None) -> str:
+    """Unit of OP for an axis or a number; OP itself where nobody said."""
+    return (record.op_unit if record is not None else "") or "OP"
+
+
+def gain_unit(record: Record | None) -> str:
+    """Unit of a controller gain."""
+    return f"{op_unit(record)}/{pv_unit(record)}"
+
+
+def data_facts(record: Record) -> Facts:
+    """Say what the record holds."""
+    gaps = int(np.count_nonzero(~(np.isfinite(record.pv) & np.isfinite(record.op))))
+    facts = [
+        ("samples", f"{len(record)}, {gaps} with a gap" if gaps else f"{len(record)}"),
+        ("span", f"{digits(record.span)} s"),
+        ("sample time", f"{digits(record.sample_time)} s"),
+    ]
+    if record.start is not None:
+        facts.append(("start", record.start.strftime("%Y-%m-%d %H:%M:%S UTC")))
+    for name, signal, unit in (
+        ("PV", record.pv, pv_unit(record)),
+        ("OP", record.op, op_unit(record)),
+    ):
+        known = signal[np.isfinite(signal)]
+        if known.size:
+            low, high = digits(float(known.min())), digits(float(known.max()))
+            facts.append((name, f"{low} to {high} {unit}"))
+    if record.op_before is not None:
+        facts.append(("OP before", f"{digits(record.op_before)} {op_unit(record)}, as stated"))
+    return facts
+
+
+def model_facts(case: TuningCase) -> Facts:
+    """Say which process the case rests on, how sure that is, and why."""
+    if case.model is None:
+        return [] if case.process is None else [*_stated(case.process)]
+    return _identified(case.model, case.record)
+
+
+def _stated(process: Process) -> Facts:
+    return [
+        ("process", type(process).__name__),
+        *((name, digits(getattr(process, name))) for name in process.__dataclass_fields__),
+        ("verdict", "stated, not identified"),
+    ]
+
+
+def _identified(model: Identification, record: Record | None) -> Facts:
+    facts = [("verdict", str(model.verdict))]
+    if model.process is not None and model.standard_errors is not None:
+        K, tau, theta = (digits(1.96 * float(e), 2) for e in model.standard_errors)
+        unit = f"{pv_unit(record)}/{op_unit(record)}"
+        p = model.process
+        facts += [
+            ("process", "K e^(-theta s)/(tau s + 1)"),
+            ("K", f"{digits(p.K)} ± {K} {unit} (95 %)"),
+            ("tau", f"{digits(p.tau)} ± {tau} s (95 %)"),
+            ("theta", f"{digits(p.theta)} ± {theta} s (95 %)"),
+        ]
+    return facts + [("because", reason) for reason in model.reasons]

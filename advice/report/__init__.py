@@ -1,0 +1,1 @@
+"""A tuning case as one self-contained page."""

@@ -1,0 +1,183 @@
+"""The one walk from a record to verified settings: data, model, tunings, verdict, recommendation.
+
+The command line, the REST service and a notebook all call these functions:
+
+    from historian.csv_file import read_export
+    from advice.tune import tune
+    case = tune(read_export("step.csv").record())
+"""
+
+from dataclasses import dataclass, replace
+
+from identification.identify import Identification, identify
+from loop.controller import PID, Action
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
+from loop.record import Record
+from tuning.answer import Tuning, tunings
+from tuning.profiles import DEFAULT_PROFILE, Profile, profile_named
+from tuning.verification import Verification, verify
+
+TunedProcess = FOPDT | SOPDT | IPDT | DoubleIntegrator
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TuningCase:
+    """Everything from the data to the recommendation, for one loop.
+
+    Attributes
+    ----------
+    profile : Profile
+        Limits that the settings were held to.
+    record : Record or None
+        Data that the case rests on; None where the process was given.
+    model : Identification or None
+        What the data say of the process; None where it was given.
+    process : FOPDT, SOPDT, IPDT, DoubleIntegrator or None
+        Model that was tuned; None where the data carry none.
+    tunings : tuple of Tuning
+        Every rule's answer.
+    recommended : int or None
+        Index into `tunings`, None where nothing can be recommended.
+    recommended_reason : str
+        Why, always filled.
+    running : PID or None
+        Settings in the controller now, where they are known.
+    running_verification : Verification or None
+        What those keep on the model.
+    """
+
+    profile: Profile
+    record: Record | None
+    model: Identification | None
+    process: TunedProcess | None
+    tunings: tuple[Tuning, ...]
+    recommended: int | None
+    recommended_reason: str
+    running: PID | None = None
+    running_verification: Verification | None = None
+
+    @property
+    def refused(self) -> bool:
+        """Whether the data carry no answer at all."""
+        return not self.tunings
+
+    @property
+    def best(self) -> Tuning | None:
+        """The recommended settings."""
+        return None if self.recommended is None else self.tunings[self.recommended]
+
+
+def tune(
+    record: Record,
+    *,
+    profile: str = DEFAULT_PROFILE,
+    tau_c: float | None = None,
+    scan_time: float = 0.0,
+    running: PID | None = None,
+) -> TuningCase:
+    """Identify the process behind a record, tune it by every rule and verify the settings.
+
+    Parameters
+    ----------
+    record : Record
+        A step test.
+    profile : str
+        Name of the target profile in `tuning.profiles.PROFILES`.
+    tau_c : float, optional
+        Desired closed-loop time constant for the rules that have one; by default each rule's own
+        formula. [s]
+    scan_time : float
+        Scan time of the controller; half of it counts as dead time in every margin. [s]
+    running : PID, optional
+        Settings in the controller now, to compare with.
+
+    Returns
+    -------
+    TuningCase
+        A refusal is a case too: without tunings, and with the reasons.
+
+    Raises
+    ------
+    ValueError
+        The profile, tau_c or the scan time cannot be.
+    """
+    limits = profile_named(profile)
+    model = identify(record)
+    if model.process is None:
+        return TuningCase(
+            profile=limits,
+            record=record,
+            model=model,
+            process=None,
+            tunings=(),
+            recommended=None,
+            recommended_reason="No settings, because the model was refused: "
+            + " ".join(model.reasons),
+            running=running,
+        )
+    return _tuned(
+        model.process, limits, tau_c=tau_c, scan_time=scan_time, running=running,
+        record=record, model=model,
+    )  # fmt: skip
+
+
+def tune_process(
+    process: TunedProcess,
+    *,
+    profile: str = DEFAULT_PROFILE,
+    tau_c: float | None = None,
+    scan_time: float = 0.0,
+    running: PID | None = None,
+) -> TuningCase:
+    """Tune a process that the caller states, by every rule, and verify the settings.
+
+    Parameters
+    ----------
+    process : FOPDT, SOPDT, IPDT or DoubleIntegrator
+        Process model.
+    profile : str
+        Name of the target profile.
+    tau_c : float, optional
+        Desired closed-loop time constant. [s]
+    scan_time : float
+        Scan time of the controller. [s]
+    running : PID, optional
+        Settings in the controller now.
+
+    Raises
+    ------
+    ValueError
+        The profile, tau_c or the scan time cannot be.
+    """
+    return _tuned(
+        process, profile_named(profile), tau_c=tau_c, scan_time=scan_time, running=running
+    )
+
+
+def _tuned(
+    process: TunedProcess,
+    profile: Profile,
+    *,
+    tau_c: float | None,
+    scan_time: float,
+    running: PID | None,
+    record: Record | None = None,
+    model: Identification | None = None,
+) -> TuningCase:
+    if running is not None:
+        # A loop that runs has the right action; only its numbers are in question.
+        running = replace(running, action=Action.for_gain(process.K))
+    answer = tunings(process, profile, tau_c=tau_c, sample_time=scan_time)
+    return TuningCase(
+        profile=profile,
+        record=record,
+        model=model,
+        process=process,
+        tunings=answer.tunings,
+        recommended=answer.recommendation.index,
+        recommended_reason=answer.recommendation.reason,
+        running=running,
+        running_verification=None
+        if running is None
+        else verify(process, running, profile, sample_time=scan_time),
+    )

@@ -1,0 +1,82 @@
+"""Every command, in the order of `loopwright --help`."""
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import NamedTuple
+
+import typer
+
+HELP = "Loop-performance monitoring and PID auto-tuning that shows its reasoning."
+
+
+class Entry(NamedTuple):
+    """One command, or one group of commands, and what `loopwright --help` says of it."""
+
+    name: str
+    place: str
+    sentence: str
+
+
+COMMANDS = (
+    Entry(
+        "tune",
+        "service.cli.tune:tune",
+        "Identify the process behind a step test, tune it by every rule and verify the settings.",
+    ),
+    Entry(
+        "identify",
+        "service.cli.identify:identify",
+        "Identify the process behind a step test, with its errors and a verdict.",
+    ),
+    Entry("demo", "service.cli.demo:demo", "Start the service with a small simulated plant to look at."),
+    Entry("serve", "service.cli.serve:serve", "Start the service."),
+    Entry(
+        "migrate", "service.cli.migrate:migrate", "Bring the database to the state this version needs."
+    ),
+    Entry("key", "service.cli.keys:app", "Create, list and revoke API keys."),
+    Entry("import", "service.cli.importing:import_export", "Store an export as a record of a loop."),
+    Entry("sheet", "service.cli.sheets:app", "Show, compare, draft and approve loop sheets."),
+    Entry("audit", "service.cli.audit:app", "Prove the audit trail intact, or take it away."),
+)
+
+
+def app_for(arguments: list[str]) -> typer.Typer:
+    """Build the command line around the one command that is asked for.
+
+    The others are there by name and sentence only: loading what all of them need takes seconds,
+    and `loopwright --help` should not.
+
+    Parameters
+    ----------
+    arguments : list of str
+        The arguments of `loopwright`.
+    """
+    asked = next((argument for argument in arguments if not argument.startswith("-")), None)
+    app = typer.Typer(
+        name="loopwright",
+        help=HELP,
+        no_args_is_help=True,
+        add_completion=False,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+    )
+    for entry in COMMANDS:
+        if entry.name == asked:
+            _add(app, entry)
+        else:
+            app.command(entry.name, help=entry.sentence)(_named_only)
+    return app
+
+
+def _add(app: typer.Typer, entry: Entry) -> None:
+    """Load a command or a group of commands from its place, `module:name`."""
+    module, _, name = entry.place.partition(":")
+    found: typer.Typer | Callable[..., int] = getattr(import_module(module), name)
+    if isinstance(found, typer.Typer):
+        app.add_typer(found, name=entry.name, help=entry.sentence)
+    else:
+        app.command(entry.name)(found)
+
+
+def _named_only() -> None:
+    """Stand for a command that nobody asked for."""

@@ -1,0 +1,100 @@
+"""`loopwright tune`: a file in, verified settings out."""
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from advice.body import case_body
+from advice.report.page import write_report
+from advice.tune import TuningCase, tune as tune_record
+from loop.controller import PID
+from service.cli import reading
+from service.cli.printing import print_case
+from tuning.profiles import DEFAULT_PROFILE, PROFILES
+
+REFUSED = 3
+
+
+def tune(  # noqa: PLR0913 - one parameter an option
+    file: reading.ExportFile,
+    time: reading.TimeColumn = None,
+    pv: reading.PVColumn = None,
+    op: reading.OPColumn = None,
+    op_before: reading.OpBefore = None,
+    sp: reading.SPColumn = None,
+    mode: reading.ModeColumn = None,
+    profile: Annotated[
+        str, typer.Option(metavar="NAME", help=f"Target profile: {', '.join(PROFILES)}.")
+    ] = DEFAULT_PROFILE,
+    tau_c: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Desired closed-loop time constant in seconds."),
+    ] = None,
+    scan_time: Annotated[
+        float, typer.Option(metavar="S", help="Scan time of the controller in seconds.")
+    ] = 0.0,
+    running: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KC,TI,TD",
+            help="Settings in the controller now (ISA, seconds; TI may be inf), to compare with.",
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the document that the API answers.")
+    ] = False,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write one self-contained HTML page.")
+    ] = None,
+    tag: reading.Tag = None,
+    delimiter: reading.Delimiter = None,
+    decimal: reading.Decimal = None,
+    time_format: reading.TimeFormat = None,
+    time_zone: reading.TimeZone = None,
+    day_first: reading.DayFirst = None,
+    layout: reading.LayoutChoice = None,
+    mode_code: reading.ModeCode = None,
+) -> int:
+    """Identify the process behind a step test, tune it by every rule and verify the settings.
+
+    Exit code 0: answered. 3: refused, with the reasons. 2: called wrongly. 1: failed.
+    """
+    stated = reading.Stated(
+        time=time, pv=pv, op=op, sp=sp, mode=mode, op_before=op_before, tag=tag,
+        delimiter=delimiter, decimal=decimal, time_format=time_format, time_zone=time_zone,
+        day_first=day_first, layout=layout, mode_code=mode_code,
+    )  # fmt: skip
+    if profile not in PROFILES:
+        raise typer.BadParameter(f"--profile must be one of {', '.join(PROFILES)}, got {profile}")
+    now = None if running is None else _running(running)
+    record, export = reading.read_record(file, stated)
+    try:
+        case = tune_record(
+            record, profile=profile, tau_c=tau_c, scan_time=scan_time, running=now
+        )
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+    if as_json:
+        typer.echo(json.dumps(case_body(case), indent=1, allow_nan=False))
+    else:
+        print_case(case, export, title=record.tag or file.name)
+    if report is not None:
+        write_report(case, report, title=record.tag or file.name)
+    return _code(case)
+
+
+def _code(case: TuningCase) -> int:
+    return REFUSED if case.refused else 0
+
+
+def _running(text: str) -> PID:
+    try:
+        Kc, Ti, Td = (float(part) for part in text.split(","))
+        return PID(Kc=Kc, Ti=Ti if Ti > 0 else math.inf, Td=Td)
+    except ValueError as error:
+        raise typer.BadParameter(
+            f"--running takes KC,TI,TD such as 0.8,120,0, got {text!r}"
+        ) from error

@@ -1,0 +1,159 @@
+"""Bodies of model requests and answers."""
+
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Annotated, Literal, Self, TypeAlias
+from uuid import UUID
+
+from pydantic import ConfigDict, Field, TypeAdapter, model_validator
+
+from advice.tune import TunedProcess
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
+from service.errors import InvalidRequest
+from service.schemas import Answer, Strict
+from service.units import Quantity, Seconds, SecondsOrNone
+
+# Both arrive as text, which a strict body would otherwise refuse.
+Id: TypeAlias = Annotated[UUID, Field(strict=False)]
+Moment: TypeAlias = Annotated[datetime, Field(strict=False)]
+Verdict: TypeAlias = Literal["trusted", "use with care", "refused", "stated"]
+
+
+class _Stated(Strict):
+    """A process that a person states."""
+
+    @model_validator(mode="after")
+    def _must_be_a_process(self) -> Self:
+        stated_process(self)  # the model's own rules decide, and its sentence is the answer
+        return self
+
+
+class FOPDTBody(_Stated):
+    """First order plus dead time, K e^(-theta s)/(tau s + 1)."""
+
+    kind: Literal["FOPDT"]
+    K: Quantity = Field(description="Steady-state gain. [PV/OP]")
+    tau: Seconds = Field(description="Time constant. [s]")
+    theta: SecondsOrNone = Field(description="Dead time. [s]")
+
+
+class SOPDTBody(_Stated):
+    """Second order plus dead time, K e^(-theta s)/((tau1 s + 1)(tau2 s + 1))."""
+
+    kind: Literal["SOPDT"]
+    K: Quantity = Field(description="Steady-state gain. [PV/OP]")
+    tau1: Seconds = Field(description="Longer time constant. [s]")
+    tau2: Seconds = Field(description="Shorter time constant. [s]")
+    theta: SecondsOrNone = Field(description="Dead time. [s]")
+
+
+class IPDTBody(_Stated):
+    """Integrator plus dead time, K e^(-theta s)/s."""
+
+    kind: Literal["IPDT"]
+    K: Quantity = Field(description="Slope of PV per unit of OP. [PV/OP/s]")
+    theta: SecondsOrNone = Field(description="Dead time. [s]")
+
+
+class DoubleIntegratorBody(_Stated):
+    """Two integrators plus dead time, K e^(-theta s)/s^2."""
+
+    kind: Literal["DoubleIntegrator"]
+    K: Quantity = Field(description="Acceleration of PV per unit of OP. [PV/OP/s^2]")
+    theta: SecondsOrNone = Field(description="Dead time. [s]")
+
+
+ProcessBody: TypeAlias = Annotated[
+    FOPDTBody | SOPDTBody | IPDTBody | DoubleIntegratorBody, Field(discriminator="kind")
+]
+
+_PROCESS: TypeAdapter[_Stated] = TypeAdapter(ProcessBody)
+
+
+def stated_process(body: _Stated) -> TunedProcess:
+    """Turn a stated process into the engineering model.
+
+    Raises
+    ------
+    ValueError
+        A parameter is out of its range.
+    """
+    values = body.model_dump(exclude={"kind"})
+    match body:
+        case FOPDTBody():
+            return FOPDT(**values)
+        case SOPDTBody():
+            return SOPDT(**values)
+        case IPDTBody():
+            return IPDT(**values)
+        case _:
+            return DoubleIntegrator(**values)
+
+
+def process_from(kind: str, parameters: Mapping[str, object]) -> TunedProcess:
+    """Read a stored process."""
+    return stated_process(_PROCESS.validate_python({"kind": kind, **parameters}))
+
+
+def id_from(text: str) -> UUID:
+    """Read the id that a page starts after.
+
+    Raises
+    ------
+    InvalidRequest
+        The text is not an id.
+    """
+    try:
+        return UUID(text)
+    except ValueError as error:
+        detail = "This cursor is not the `next` of any page."
+        raise InvalidRequest("query/cursor", detail) from error
+
+
+class NewModel(Strict):
+    """Ask for a model: identified from a record, or stated."""
+
+    record_id: Id | None = Field(None, description="Record to identify the process from.")
+    start: Moment | None = Field(None, description="Use the record from here on.")
+    end: Moment | None = Field(None, description="Use the record up to here.")
+    op_before: Quantity | None = Field(
+        None, description="Output before the first row, if the step is at that row. [OP]"
+    )
+    process: ProcessBody | None = Field(None, description="The process, if it is known already.")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.record_id is None) == (self.process is None):
+            raise ValueError("give either record_id or process")
+        if self.process is not None and (self.start or self.end or self.op_before is not None):
+            raise ValueError("start, end and op_before go with record_id")
+        for name in ("start", "end"):
+            instant: datetime | None = getattr(self, name)
+            if instant is not None and instant.tzinfo is None:
+                raise ValueError(f"{name} must say its time zone, such as 2026-01-31T08:00:00Z")
+        return self
+
+
+class ModelBody(Answer):
+    """A process model with its verdict; K, tau, theta are null where it was refused.
+
+    Further members depend on the kind: standard errors, correlation, fit, steps.
+    """
+
+    model_config = ConfigDict(extra="allow", from_attributes=True, allow_inf_nan=False)
+
+    id: UUID
+    loop_id: UUID
+    record_id: UUID | None
+    kind: str | None = Field(description="FOPDT, SOPDT, IPDT, DoubleIntegrator, or null.")
+    verdict: Verdict
+    reasons: list[str]
+    created_at: datetime
+    author: str
+
+
+class ModelPage(Answer):
+    """Models of a loop, newest first, and the cursor of the next page."""
+
+    items: list[ModelBody]
+    next: str | None

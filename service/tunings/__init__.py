@@ -1,0 +1,1 @@
+"""Verified controller settings: for a loop, for a bare process, for many processes at once."""
