@@ -6,7 +6,7 @@ from functools import lru_cache
 from historian.modes import is_mode_word
 from historian.numbers import looks_numeric
 from historian.quality import is_bad_word, is_quality_word
-from historian.stamp_shape import shape_of
+from historian.stamp_shape import is_compact_stamp, shape_of
 
 
 class Kind(Enum):
@@ -38,7 +38,7 @@ def kind_of(cell: str) -> Kind:
     cell = cell.strip()
     if not cell:
         return Kind.EMPTY
-    if looks_numeric(cell):
+    if looks_numeric(cell) and not (len(cell) == 14 and is_compact_stamp(cell)):
         return Kind.NUMBER
     shape = shape_of(cell) if len(cell) <= 64 else None
     if shape is not None:

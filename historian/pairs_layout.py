@@ -21,9 +21,21 @@ def is_paired(view: ColumnView, times: list[int]) -> bool:
         return view.options.layout is Layout.PAIRS
     if view.stated.time is not None:
         return False
-    full = [j for j in times if view.seen[j].usual is not Kind.CLOCK]
+    full = [j for j in times if view.seen[j].usual is not Kind.CLOCK] or numeric_times(view)
     ends = [*full[1:], view.table.width]
     return len(full) >= 2 and all(b - a >= 2 for a, b in zip(full, ends, strict=True))
+
+
+def numeric_times(view: ColumnView) -> list[int]:
+    """Find the columns of numbers whose headings speak of time."""
+    return [
+        j
+        for j in view.every
+        if view.named
+        and view.seen[j].usual is Kind.NUMBER
+        and names_time(_NUMBERED.sub("", view.table.names[j]))
+        and part_of(view.table.names[j]) is None
+    ]
 
 
 def assign_pairs(view: ColumnView, times: list[int]) -> Assignment:
@@ -34,6 +46,9 @@ def assign_pairs(view: ColumnView, times: list[int]) -> Assignment:
     ColumnNotFound, AmbiguousColumns
         Where a time has no value or several.
     """
+    times = times or numeric_times(view)
+    if not times:
+        raise ColumnNotFound("the times of pairs", view.table.names, "state another layout")
     signals: list[Signal] = []
     for start, end in zip(times, [*times[1:], view.table.width], strict=True):
         inside = [j for j in range(start + 1, end) if not view.is_blank(j)]
@@ -48,7 +63,7 @@ def assign_pairs(view: ColumnView, times: list[int]) -> Assignment:
         name = _name(view, start, values[0])
         signals.append(view.signal(name, values[0], TimeColumns(columns=(start,)), quality))
     if not signals:
-        raise ColumnNotFound("the times of pairs", view.table.names, "state another layout")
+        raise ColumnNotFound("the values of pairs", view.table.names, "state another layout")
     return Assignment(
         layout=Layout.PAIRS, signals=tuple(signals), long=None, ignored=tuple(view.ignored)
     )

@@ -99,6 +99,17 @@ def shape_of(text: str) -> Shape | None:
     return _template(text, spans, sign)
 
 
+def is_compact_stamp(text: str) -> bool:
+    """Tell whether digits alone are a date, or a date and a time of day.
+
+    >>> is_compact_stamp("20240205101500"), is_compact_stamp("20241305")
+    (True, False)
+    """
+    if len(text) not in (8, 12, 14) or not text.isdecimal() or not text.isascii():
+        return False
+    return "19" <= text[:2] <= "20" and "01" <= text[4:6] <= "12" and "01" <= text[6:8] <= "31"
+
+
 def is_midnight(text: str) -> bool:
     """Tell whether a stamp is a date with all zeros for the time of day.
 

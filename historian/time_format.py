@@ -9,7 +9,7 @@ from historian.cell_kind import TIMES, Kind, kind_of
 from historian.errors import AmbiguousTime, ExportRefused
 from historian.numbers import NumberFormat
 from historian.options import TIME_FORMATS, ReadOptions
-from historian.stamp_shape import Shape, shape_of
+from historian.stamp_shape import Shape, is_compact_stamp, shape_of
 from loop.signals import Real
 
 EPOCHS = {"epoch_s": 1.0, "epoch_ms": 1e3, "epoch_us": 1e6, "epoch_ns": 1e9}
@@ -205,7 +205,7 @@ def decide_numeric(
         return TimeFormat(name=options.time_format, zoned=False, words=words, example=example)
     read = [numbers.read(cell) for cell in cells]
     times = np.array([value for value in read if value is not None])
-    compact = [cell for cell in cells if _is_compact(cell)]
+    compact = [cell for cell in cells if is_compact_stamp(cell)]
     if compact and len(compact) == len([cell for cell in cells if cell]):
         return TimeFormat(
             name="Y/M/D", zoned=False, words="year, month, day and time without marks",
@@ -230,13 +230,6 @@ def decide_numeric(
     else:
         words = f"{TIME_FORMATS[unit]}, from the heading {header!r}"
     return TimeFormat(name=unit or "elapsed_s", zoned=False, words=words, example=example)
-
-
-def _is_compact(cell: str) -> bool:
-    if len(cell) not in (8, 12, 14) or not cell.isdigit():
-        return False
-    shape = shape_of(cell)
-    return shape is not None and "19" <= cell[:2] <= "20" and "01" <= cell[4:6] <= "12"
 
 
 def _is_excel(times: Real) -> bool:
