@@ -37,12 +37,12 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
     {
         name: Benchmark(name=name, about=about, seconds=seconds)
         for name, about, seconds in (
-            ("margins", "gain, phase, delay margin, Ms, Mt against python-control", 90.0),
+            ("margins", "gain, phase, delay margin, Ms, Mt against python-control", 120.0),
             ("fopdt_fit", "FOPDT fit of a step test against scipy curve_fit and gekko", 100.0),
             ("fopdt_bound", "FOPDT fit of 1,000 tests against the Cramér-Rao bound", 60.0),
             ("simulation", "closed loop with limits against simple-pid, python-control", 40.0),
             ("tuning_request", "all rules with their sweeps for one process", 40.0),
-            ("csv_import", "historian exports against pandas, pyarrow, polars", 360.0),
+            ("csv_import", "historian exports against pandas, pyarrow, polars", 340.0),
             ("http_tuning", "a tuning request through HTTP", 40.0),
             ("upload", "five million rows through HTTP into the sample store", 150.0),
         )

@@ -19,7 +19,7 @@ Five: TypeAlias = tuple[float, ...]
 Peer: TypeAlias = Callable[[Plant], Five]
 FACTORS = (0.5, 0.75, 1.0, 1.25, 1.5)
 SPREAD = 2_000
-CHECKED = 125
+CHECKED = 60
 # python-control is timed on few loops, and checked on every fifth of those that are.
 TIMED = 3
 PEER_STRIDE = 5
@@ -189,7 +189,7 @@ def compare(work: str, plants: list[Plant]) -> tuple[list[tuple[str, ...]], list
     works: dict[str, Work] = {"Loopwright": partial(with_loopwright, plants)}
     for name, peer in PEERS.items():
         works[name] = partial(_each, peer, few[:TIMED])
-    timings = interleaved(works, repeats=15, seconds=6.0)
+    timings = interleaved(works, repeats=15, seconds=5.0)
     errors = relative_errors(with_loopwright(few), exact)
     rows = [(work, "Loopwright", *_cells(timings["Loopwright"], len(plants), errors))]
     for name, peer in PEERS.items():
