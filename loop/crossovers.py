@@ -11,69 +11,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from loop.bracket_solver import EXTREME, FINEST, solve_brackets
 from loop.factors import FactoredLoop
 from loop.signals import Real
 
 POINTS_A_DECADE = 16
 # Decades below the lowest and above the highest corner where a loop is at its asymptote.
 ASYMPTOTE = 1e4
-# Accuracy of ln w: crossovers to the last digits; at an extreme, where values hardly change, less.
-FINEST, EXTREME = 4e-16, 1e-10
-
-
-def solve_brackets(
-    f: Callable[[Real], Real], left: Real, right: Real, *, resolution: float = FINEST
-) -> Real:
-    """Solve f(w) = 0 in many brackets at once, by Chandrupatla's method in ln w [1]_.
-
-    Parameters
-    ----------
-    f : callable
-        Continuous function of an array of frequencies of shape (n,).
-    left, right : ndarray, shape (n,)
-        Brackets; f changes its sign within each. [rad/s]
-    resolution : float
-        Accuracy of ln w, relative where that is above 1. [-]
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Roots. [rad/s]
-
-    References
-    ----------
-    .. [1] T. R. Chandrupatla, "A new hybrid quadratic/bisection algorithm for finding the zero of
-       a nonlinear function without using derivatives", Advances in Engineering Software 28 (1997)
-       145-149.
-    """
-    b, a = np.log(left), np.log(right)
-    fb, fa = f(left), f(right)
-    c, fc, part = a.copy(), fa.copy(), np.full(a.shape, 0.5)
-    for _ in range(200):
-        best = np.where(np.abs(fa) < np.abs(fb), a, b)
-        finest = resolution * np.maximum(np.abs(best), 1.0)
-        if np.all((np.abs(b - a) <= 2 * finest) | (fa == 0) | (fb == 0)):
-            break
-        point = a + part * (b - a)
-        value = f(np.exp(point))
-        same = np.sign(value) == np.sign(fa)
-        c, fc = np.where(same, a, b), np.where(same, fa, fb)
-        b, fb = np.where(same, b, a), np.where(same, fb, fa)
-        a, fa = point, value
-        part = _next_part(a, b, c, fa, fb, fc, finest)
-    return np.asarray(np.exp(np.where(np.abs(fa) < np.abs(fb), a, b)))
-
-
-def _next_part(a: Real, b: Real, c: Real, fa: Real, fb: Real, fc: Real, finest: Real) -> Real:
-    """Part of the bracket to step: inverse quadratic where that is safe, otherwise half."""
-    ab, cb, fab, fcb, fca = a - b, c - b, fa - fb, fc - fb, fc - fa
-    whole = (ab != 0) & (cb != 0) & (fab != 0) & (fcb != 0) & (fca != 0)
-    ab, cb, fab, fcb, fca = (np.where(whole, d, 1.0) for d in (ab, cb, fab, fcb, fca))
-    xi, phi = ab / cb, fab / fcb
-    quadratic = whole & (phi * phi < xi) & ((1 - phi) ** 2 < 1 - xi)
-    step = (fa / fab) * (fc / fcb) + (a - c) / ab * (fa / fca) * (fb / fcb)
-    least = np.minimum(finest / np.abs(ab), 0.5)
-    return np.asarray(np.clip(np.where(quadratic, step, 0.5), least, 1 - least))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

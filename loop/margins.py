@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loop.bracket_solver import EXTREME, solve_brackets
 from loop.controller import PID
-from loop.crossovers import EXTREME, Crossovers, Run, crossovers, gain_cuts, solve_brackets
+from loop.crossovers import Crossovers, Run, crossovers, gain_cuts
 from loop.errors import UnstableLoop
 from loop.factors import FactoredLoop
 from loop.process import Process

@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from loop.batch import MarginBatch
-from loop.crossovers import ASYMPTOTE, EXTREME, FINEST, POINTS_A_DECADE, solve_brackets
+from loop.bracket_solver import EXTREME, FINEST, solve_brackets
+from loop.crossovers import ASYMPTOTE, POINTS_A_DECADE
 from loop.lag_loops import LagLoops
 from loop.margins import LARGEST_LOG_GAIN
 from loop.signals import Flags, Real
@@ -23,7 +24,9 @@ Rows: TypeAlias = npt.NDArray[np.intp]
 
 TURN = 2 * math.pi
 # From the end of a stretch nearest |L| = 1 to the other: even, and dense at that end.
-SAMPLES = np.unique(np.concatenate([np.linspace(0.0, 1.0, 25), 2.0 ** -np.arange(5, 44.0)]))
+# Summits between points below this part of the highest point stay below it.
+PROMISING = 0.3
+SAMPLES = np.unique(np.concatenate([np.linspace(0.0, 1.0, 13), 2.0 ** -np.arange(4, 44.0, 3)]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,13 +212,12 @@ def _runs(loops: LagLoops, axis: _Axis) -> _Runs:
     here, there = turn[row[run], near], turn[row[run], away]
     level = TURN * (here + (there > here)) - math.pi
     part = loops.take(row[run])
-    if run.size:
-        end[run] = solve_brackets(
-            lambda x: np.asarray(part.phase(x) - level),
-            axis.w[row[run], cell],
-            axis.w[row[run], cell + 1],
-        )
-        crosses[run] = True
+    end[run] = solve_brackets(
+        lambda x: np.asarray(part.phase(x) - level),
+        axis.w[row[run], cell],
+        axis.w[row[run], cell + 1],
+    )
+    crosses[run] = True
     return _Runs(row, axis.w[row, anchor], end, crosses, number)
 
 
@@ -241,20 +243,24 @@ def _peaks(loops: LagLoops, axis: _Axis, runs: _Runs) -> tuple[Real, Real]:
     """Ms and Mt: at the ends of the axis, or where a slope turns from rising to falling."""
     low = _limits(loops.sign, loops.log_k, loops.order)
     high = _limits(-np.ones(loops.size), loops.log_k_high, -loops.excess)
-    Ms, Mt = np.maximum(low[0], high[0]), np.maximum(low[1], high[1])
+    peaks = np.maximum(low, high)
     anchor, end = runs.anchor[:, None], runs.end[:, None]
     samples = np.clip(anchor + (end - anchor) * SAMPLES, *np.sort((anchor, end), axis=0))
-    inside = _inside(axis, runs)
+    brackets = []
     for row, w, seen in (
-        (np.arange(loops.size), axis.w, inside),
+        (np.arange(loops.size), axis.w, _inside(axis, runs)),
         (runs.row, samples, np.ones(samples.shape, dtype=bool)),
     ):
-        S, T, rise_S, rise_T = sensitivities(loops.take(row).columns(), w)
-        np.maximum.at(Ms, row, np.max(S, axis=1, where=seen, initial=0.0))
-        np.maximum.at(Mt, row, np.max(T, axis=1, where=seen, initial=0.0))
-        for which, rise, peak in ((0, rise_S, Ms), (1, rise_T, Mt)):
-            _raise_to_summits(loops, row, w, seen, rise, which, peak)
-    return Ms, Mt
+        for which, (size, rise) in enumerate(_both_sensitivities(loops.take(row).columns(), w)):
+            np.maximum.at(peaks[which], row, np.max(size, axis=1, where=seen, initial=0.0))
+            brackets.append(_brackets(which, row, w, seen, size, rise, peaks[which]))
+    of, row, left, right = (np.concatenate(column) for column in zip(*brackets, strict=True))
+    part, way = loops.take(row), np.where(of == 0, 1.0, -1.0)
+    at = solve_brackets(
+        lambda x: _sensitivity(_polar(part, x), way)[1], left, right, resolution=EXTREME
+    )
+    np.maximum.at(peaks.ravel(), of * loops.size + row, _sensitivity(_polar(part, at), way)[0])
+    return peaks[0], peaks[1]
 
 
 def _inside(axis: _Axis, runs: _Runs) -> Flags:
@@ -263,46 +269,45 @@ def _inside(axis: _Axis, runs: _Runs) -> Flags:
     return np.asarray((axis.w >= low[runs.number]) & (axis.w <= high[runs.number]))
 
 
-def _raise_to_summits(
-    loops: LagLoops, row: Rows, w: Real, seen: Flags, rise: Real, which: int, peak: Real
-) -> None:
-    """Lift `peak` to the summits between neighbours of w, in place."""
-    change = np.sign(rise[:, :-1]) * np.sign(rise[:, 1:]) < 0
-    line, col = np.nonzero(change & seen[:, :-1] & seen[:, 1:])
-    if not line.size:
-        return
-    part = loops.take(row[line])
+def _brackets(
+    which: int, row: Rows, w: Real, seen: Flags, size: Real, rise: Real, peak: Real
+) -> tuple[Rows, Rows, Real, Real]:
+    """Neighbours of w with a high summit between them: of S or T, loop, from where, to where."""
+    high = size > PROMISING * peak[row][:, None]
+    near = seen[:, :-1] & seen[:, 1:] & (high[:, :-1] | high[:, 1:])
+    line, col = np.nonzero(near & (np.sign(rise[:, :-1]) * np.sign(rise[:, 1:]) < 0))
     left, right = np.sort((w[line, col], w[line, col + 1]), axis=0)
-    at = solve_brackets(
-        lambda x: sensitivities(part, x)[which + 2], left, right, resolution=EXTREME
-    )
-    np.maximum.at(peak, row[line], sensitivities(part, at)[which])
+    return np.full(line.size, which), row[line], left, right
 
 
-def sensitivities(loops: LagLoops, w: Real) -> tuple[Real, Real, Real, Real]:
-    """|S|, |T| and numbers with the signs of their slopes.
-
-    Parameters
-    ----------
-    loops : LagLoops
-        Open loops, of a shape that broadcasts against w.
-    w : ndarray
-        Frequencies. [rad/s]
-    """
+def _polar(loops: LagLoops, w: Real) -> tuple[Real, Real, Real, Real, Real]:
+    """|L|, cosine and sine of its phase, and the slopes of ln|L| and of the phase over ln w."""
     r = np.exp(np.clip(loops.log_gain(w), -LARGEST_LOG_GAIN, LARGEST_LOG_GAIN))
-    phase, rho, turn = loops.phase(w), loops.gain_slope(w), loops.phase_slope(w)
-    cos, sin = np.cos(phase), np.sin(phase)
-    distance = np.hypot(1 + r * cos, r * sin)
-    rise_S = turn * sin - rho * (cos + r)
-    rise_T = rho * (1 + r * cos) + r * turn * sin
-    return 1 / distance, r / distance, rise_S, rise_T
+    phase = loops.phase(w)
+    return r, np.cos(phase), np.sin(phase), loops.gain_slope(w), loops.phase_slope(w)
 
 
-def _limits(sign: Real, log_size: Real, growth: Real) -> tuple[Real, Real]:
-    """|S| and |T| where |L| grows without bound, vanishes or stays at `log_size`."""
+def _both_sensitivities(loops: LagLoops, w: Real) -> tuple[tuple[Real, Real], tuple[Real, Real]]:
+    polar = _polar(loops, w)
+    return _sensitivity(polar, np.ones(1)), _sensitivity(polar, -np.ones(1))
+
+
+def _sensitivity(polar: tuple[Real, Real, Real, Real, Real], way: Real) -> tuple[Real, Real]:
+    """|S| (way 1) or |T| (way -1), and a number with the sign of its slope.
+
+    |T| is |S| with 1/L for L.
+    """
+    r, cos, sin, gain_slope, phase_slope = polar
+    r = np.where(way > 0, r, 1 / r)
+    size = 1 / np.hypot(1 + r * cos, r * sin)
+    return size, phase_slope * sin - way * gain_slope * (cos + r)
+
+
+def _limits(sign: Real, log_size: Real, growth: Real) -> Real:
+    """|S| and |T|, shape (2, n), where |L| grows without bound, vanishes or stays at `log_size`."""
     L = sign * np.exp(np.clip(log_size, -LARGEST_LOG_GAIN, LARGEST_LOG_GAIN))
     level = growth == 0
     distance = np.where(level, np.abs(1 + L), 1.0)
     S = np.where(level, 1 / distance, np.where(growth > 0, 0.0, 1.0))
     T = np.where(level, np.abs(L) / distance, np.where(growth > 0, 1.0, 0.0))
-    return S, T
+    return np.stack([S, T])

@@ -78,11 +78,11 @@ def response(processes: ProcessBatch, controllers: PIDBatch, w: Real) -> Complex
     return np.asarray(C * G)
 
 
-def size_of_S(L: Complex) -> Real:
+def sensitivity_size(L: Complex) -> Real:
     return np.asarray(1 / np.abs(1 + L))
 
 
-def size_of_T(L: Complex) -> Real:
+def complementary_size(L: Complex) -> Real:
     return np.asarray(np.abs(L / (1 + L)))
 
 
@@ -133,7 +133,7 @@ def test_a_thousand_random_loops_against_a_dense_grid() -> None:
         p, c = ProcessBatch(**pick(processes, part)), PIDBatch(**pick(controllers, part))
         L = response(p, c, w)
         _bounds_at_crossovers(L, w, found, part)
-        for peak, size in ((found.Ms, size_of_S), (found.Mt, size_of_T)):
+        for peak, size in ((found.Ms, sensitivity_size), (found.Mt, complementary_size)):
             values = size(L)
             assert np.all(peak[part] >= np.max(values, axis=1) * (1 - 1e-12))
             at = np.argmax(values, axis=1)
