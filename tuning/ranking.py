@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from loop.controller import PID
 from tuning.catalogue import RULES
 from tuning.proposals import Proposal
+from tuning.shortfall import gain_margin_words
 from tuning.verification import Verification
 
 # What a PID must save of the best PI's area to be worth its noise and its wear on the valve.
@@ -130,12 +131,15 @@ def _pi_or_pid(cases: Sequence[_Case]) -> tuple[_Case, _Case | None]:
 def _why(chosen: _Case, runner: _Case | None, sound: Sequence[_Case]) -> str:
     found = chosen.verification
     gain, phase, Ms = (found.worst[name] for name in ("gain", "phase", "Ms"))
-    among = f"of the {len(sound)} settings that do" if len(sound) > 1 else "as the only one"
+    area = f"Ti/Kc = {chosen.area:.4g} s PV/OP"
+    among = (
+        f"of the {len(sound)} settings that do, it lets a load disturbance through least: {area}"
+    )
     said = [
         f"{chosen.name} passes the {found.profile.name} profile for ±50 % of each parameter "
-        f"(worst gain margin {gain.value:.3g} {gain.where}, phase margin {phase.value:.3g}° "
-        f"{phase.where}, Ms {Ms.value:.3g} {Ms.where})",
-        f"{among}, it lets a load disturbance through least: Ti/Kc = {chosen.area:.4g} s PV/OP",
+        f"(worst gain margin {gain_margin_words(gain.value)} {gain.where}, "
+        f"phase margin {phase.value:.3g}° {phase.where}, Ms {Ms.value:.3g} {Ms.where})",
+        among if len(sound) > 1 else f"no other settings do; for a load disturbance {area}",
     ]
     if runner is not None and runner.pid.structure == "PID":
         said.append(
@@ -164,6 +168,6 @@ def _why_none(cases: Sequence[_Case], passing: Sequence[_Case]) -> str:
     )
     profile = closest.verification.profile.name
     return (
-        f"No settings pass the {profile} profile for ±50 % of each parameter. The closest, "
-        f"{closest.name}, fails: {closest.verification.verdict}"
+        f"No settings pass the {profile} profile for ±50 % of each parameter. The closest is "
+        f"{closest.name}: {closest.verification.missed}."
     )

@@ -138,7 +138,7 @@ def gravest_failure(
     unstable = broken[~found.stable[broken]]
     if unstable.size:
         plant = int(unstable[0])
-        parameter, factor = sweep.moved(plant)
+        parameter, factor = sweep.moved[plant]
         return Failure(
             target="stable",
             value=0.0,
@@ -146,7 +146,7 @@ def gravest_failure(
             overrun=math.inf,
             parameter=parameter,
             factor=factor,
-            sentence=f"the loop is unstable {sweep.where(plant)}",
+            sentence=f"the loop is unstable {sweep.where[plant]}",
         )
     limits = _limits(sweep, profile)
     names = tuple(limits)
@@ -156,7 +156,7 @@ def gravest_failure(
     row, column = divmod(int(np.argmax(overruns)), broken.size)
     name, plant = names[row], int(broken[column])
     value, limit = float(getattr(found, name)[plant]), float(limits[name][plant])
-    parameter, factor = sweep.moved(plant)
+    parameter, factor = sweep.moved[plant]
     return Failure(
         target=name,
         value=value,
@@ -164,7 +164,7 @@ def gravest_failure(
         overrun=float(overruns[row, column]),
         parameter=parameter,
         factor=factor,
-        sentence=_sentence(name, value, limit, sweep.where(plant)),
+        sentence=_sentence(name, value, limit, sweep.where[plant]),
     )
 
 
@@ -192,4 +192,9 @@ def _sentence(name: str, value: float, limit: float, where: str) -> str:
 
 def decibels(gain: float) -> str:
     """Print a gain margin in dB."""
-    return f"{20 * math.log10(gain):.1f} dB" if gain < math.inf else "infinite"
+    return f"{20 * math.log10(gain):.1f} dB"
+
+
+def gain_margin_words(gain: float) -> str:
+    """Print a gain margin as a ratio and in dB."""
+    return f"{gain:.3g} ({decibels(gain)})" if gain < math.inf else "infinite"

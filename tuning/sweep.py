@@ -31,28 +31,19 @@ class Sweep:
         The plants, shape (n,).
     corners : int
         Number of corners, the last plants of the batch.
+    where : tuple of str
+        Each plant in words: "at the model", "with theta x 1.5".
+    moved : tuple
+        The one parameter that is off and its factor for each plant; (None, 1) at the model and at
+        the corners.
     """
 
     parameters: tuple[str, ...]
     factors: Real
     plants: ProcessBatch
     corners: int
-
-    def where(self, plant: int) -> str:
-        """Say which plant this is: "at the model", "with theta x 1.5"."""
-        moved = [
-            f"{name} x {factor:g}"
-            for name, factor in zip(self.parameters, self.factors[plant], strict=True)
-            if factor != 1
-        ]
-        return f"with {', '.join(moved)}" if moved else "at the model"
-
-    def moved(self, plant: int) -> tuple[str | None, float]:
-        """The one parameter that is off and its factor; (None, 1) at the model and at corners."""
-        off = np.flatnonzero(self.factors[plant] != 1)
-        if off.size != 1:
-            return None, 1.0
-        return self.parameters[off[0]], float(self.factors[plant, off[0]])
+    where: tuple[str, ...]
+    moved: tuple[tuple[str | None, float], ...]
 
 
 def sweep_of(
@@ -93,12 +84,22 @@ def sweep_of(
         plants = ProcessBatch(integrators=np.asarray(integrators), **moved)
     except ValueError as limit:
         raise ValueError(f"±50 % of the model leaves the range of models: {limit}") from limit
+    moved_by = [
+        [(name, float(f)) for name, f in zip(columns, row, strict=True) if f != 1] for row in table
+    ]
     return Sweep(
         parameters=tuple(columns),
         factors=table,
         plants=plants,
         corners=2**p if corners else 0,
+        where=tuple(_where(row) for row in moved_by),
+        moved=tuple(row[0] if len(row) == 1 else (None, 1.0) for row in moved_by),
     )
+
+
+def _where(moved: list[tuple[str, float]]) -> str:
+    said = ", ".join(f"{name} x {factor:g}" for name, factor in moved)
+    return f"with {said}" if said else "at the model"
 
 
 def _parameters(process: Process) -> tuple[dict[str, float], dict[str, str], int]:

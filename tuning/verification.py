@@ -21,8 +21,8 @@ from tuning.profiles import Profile
 from tuning.shortfall import (
     MARGIN_NAMES,
     Failure,
-    decibels,
     first_failure,
+    gain_margin_words,
     gravest_failure,
     profile_holds,
 )
@@ -108,17 +108,24 @@ class Verification:
         return self.nominal_passes and self.one_at_a_time_passes
 
     @property
+    def missed(self) -> str:
+        """What gives way first and what is broken by most, in words; empty where all holds."""
+        if not (self.failure and self.gravest):
+            return ""
+        first, last = self.failure.sentence, self.gravest.sentence
+        return first if first == last else f"{first}; at worst {last}"
+
+    @property
     def verdict(self) -> str:
         """The verdict in one sentence with its numbers."""
-        if self.failure and self.gravest:
-            first, last = self.failure.sentence, self.gravest.sentence
-            worst = "" if first == last else f"; at worst {last}"
-            return f"Fails the {self.profile.name} profile: {first}{worst}."
+        unmoved = "" if "theta" in self.parameters else " The dead time is 0 and was not moved."
+        if self.failure:
+            return f"Fails the {self.profile.name} profile: {self.missed}.{unmoved}"
         gain, phase, Ms = (self.worst[name] for name in ("gain", "phase", "Ms"))
         return (
             f"Passes the {self.profile.name} profile for ±50 % of each parameter; worst cases: "
-            f"gain margin {gain.value:.3g} ({decibels(gain.value)}) {gain.where}, "
-            f"phase margin {phase.value:.3g}° {phase.where}, Ms {Ms.value:.3g} {Ms.where}."
+            f"gain margin {gain_margin_words(gain.value)} {gain.where}, "
+            f"phase margin {phase.value:.3g}° {phase.where}, Ms {Ms.value:.3g} {Ms.where}.{unmoved}"
         )
 
 
@@ -191,10 +198,23 @@ def verify_many(
     sweep = sweep_of(process)
     found = batch_margins(sweep.plants, controller_column(controllers), sample_time=sample_time)
     holds = profile_holds(sweep, found, profile)
-    return tuple(_judge(sweep, _row(found, i), holds[i], profile) for i in range(len(controllers)))
+    first_corner = len(sweep.where) - sweep.corners
+    worst = _worst(sweep, found, slice(0, first_corner))
+    worst_corner = _worst(sweep, found, slice(first_corner, len(sweep.where)))
+    return tuple(
+        _judge(sweep, _part(found, i, sweep.plants.shape), holds[i], profile, *worsts)
+        for i, worsts in enumerate(zip(worst, worst_corner, strict=True))
+    )
 
 
-def _judge(sweep: Sweep, found: MarginBatch, holds: Flags, profile: Profile) -> Verification:
+def _judge(
+    sweep: Sweep,
+    found: MarginBatch,
+    holds: Flags,
+    profile: Profile,
+    worst: Mapping[str, Worst],
+    worst_corner: Mapping[str, Worst],
+) -> Verification:
     p, steps = len(sweep.parameters), len(FACTORS)
     single = slice(0, 1 + p * steps)
     corner = slice(1 + p * steps, None)
@@ -218,26 +238,29 @@ def _judge(sweep: Sweep, found: MarginBatch, holds: Flags, profile: Profile) -> 
         nominal_passes=bool(holds[0]),
         one_at_a_time_passes=bool(np.all(holds[single])),
         corners_pass=bool(np.all(holds[corner])),
-        worst=_worst(sweep, found, range(*single.indices(holds.size))),
-        worst_corner=_worst(sweep, found, range(*corner.indices(holds.size))),
+        worst=worst,
+        worst_corner=worst_corner,
         failure=first_failure(sweep, found, broken, profile),
         gravest=gravest_failure(sweep, found, broken, profile),
     )
 
 
-def _worst(sweep: Sweep, found: MarginBatch, plants: range) -> Mapping[str, Worst]:
-    worst = {}
+def _worst(sweep: Sweep, found: MarginBatch, plants: slice) -> list[Mapping[str, Worst]]:
+    """Worst of each margin for each controller over some of the plants."""
+    worst: list[dict[str, Worst]] = [{} for _ in found.stable]
     for name, (_, small_is_bad) in MARGIN_NAMES.items():
-        values = getattr(found, name)[plants.start : plants.stop]
-        plant = plants.start + int(np.argmin(values) if small_is_bad else np.argmax(values))
-        parameter, factor = sweep.moved(plant)
-        worst[name] = Worst(
-            value=float(getattr(found, name)[plant]),
-            parameter=parameter,
-            factor=factor,
-            where=sweep.where(plant),
-        )
-    return MappingProxyType(worst)
+        values = getattr(found, name)[:, plants]
+        at = np.argmin(values, axis=1) if small_is_bad else np.argmax(values, axis=1)
+        for case, row, column in zip(worst, values, at, strict=True):
+            plant = plants.start + int(column)
+            parameter, factor = sweep.moved[plant]
+            case[name] = Worst(
+                value=float(row[column]),
+                parameter=parameter,
+                factor=factor,
+                where=sweep.where[plant],
+            )
+    return [MappingProxyType(case) for case in worst]
 
 
 def controller_column(controllers: Sequence[PID]) -> PIDBatch:
@@ -250,10 +273,6 @@ def controller_column(controllers: Sequence[PID]) -> PIDBatch:
         tauF=np.array([[c.tauF] for c in controllers]),
         sign=np.array([[c.action.sign] for c in controllers]),
     )
-
-
-def _row(found: MarginBatch, i: int) -> MarginBatch:
-    return _part(found, i, found.stable.shape[1:])
 
 
 def _part(found: MarginBatch, part: slice | int, shape: tuple[int, ...]) -> MarginBatch:

@@ -100,13 +100,13 @@ def test_the_sweep_takes_eleven_factors_and_all_corners() -> None:
 
 def test_plants_are_named_by_what_is_off() -> None:
     sweep = sweep_of(HEATER)
-    assert sweep.where(0) == "at the model"
-    assert sweep.where(1) == "with K x 0.5"
-    assert sweep.where(33) == "with theta x 1.5"
-    assert sweep.where(34) == "with K x 0.5, tau x 0.5, theta x 0.5"
-    assert sweep.moved(0) == (None, 1.0)
-    assert sweep.moved(33) == ("theta", 1.5)
-    assert sweep.moved(34) == (None, 1.0)
+    assert sweep.where[0] == "at the model"
+    assert sweep.where[1] == "with K x 0.5"
+    assert sweep.where[33] == "with theta x 1.5"
+    assert sweep.where[34] == "with K x 0.5, tau x 0.5, theta x 0.5"
+    assert sweep.moved[0] == (None, 1.0)
+    assert sweep.moved[33] == ("theta", 1.5)
+    assert sweep.moved[34] == (None, 1.0)
 
 
 def test_a_failure_names_the_target_the_number_and_the_place() -> None:
@@ -156,6 +156,7 @@ def test_instability_far_from_the_model_is_the_gravest_but_not_the_first() -> No
 def test_a_pass_tells_its_worst_cases() -> None:
     found = verify(HEATER, simc_pi(HEATER, tau_c=60.0), GENERAL)
     assert found.passes
+    assert found.missed == ""
     assert found.failure is None
     assert found.gravest is None
     assert found.worst["Ms"].value == pytest.approx(1.697, abs=5e-4)
@@ -201,7 +202,10 @@ def test_a_delay_margin_is_held_to_the_dead_time_of_its_own_plant() -> None:
 def test_without_dead_time_a_delay_margin_asks_for_nothing() -> None:
     process = FOPDT(K=2.0, tau=120.0, theta=0.0)
     profile = Profile(name="mine", gain=2.0, phase=45.0, Ms=2.0, delay_over_theta=1.5)
-    assert verify(process, simc_pi(process, tau_c=60.0), profile).passes
+    found = verify(process, simc_pi(process, tau_c=60.0), profile)
+    assert found.passes
+    assert "gain margin infinite at the model" in found.verdict
+    assert found.verdict.endswith("The dead time is 0 and was not moved.")
     strict = Profile(name="mine", gain=2.0, phase=100.0, Ms=2.0, delay_over_theta=1.5)
     found = verify(process, simc_pi(process, tau_c=60.0), strict)
     assert found.failure is not None
