@@ -6,16 +6,13 @@ counts as a move.
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import median_filter
 
+from identification.held_input import Indices
 from loop.errors import NoStepFound
 from loop.signals import Real
-
-Indices: TypeAlias = npt.NDArray[np.intp]
 
 # A running median over 11 samples keeps edges where they are and takes out jitter and noise of up
 # to five samples in a row.

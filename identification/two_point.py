@@ -48,8 +48,7 @@ def smith_two_point(
     tau = 1.5 (t63 - t28), theta = t63 - tau, K = (pv_to - pv_from)/op_change, both times counted
     from the step.
 
-    A noisy PV passes a level several times; the middle between the first and the last passage
-    counts.
+    A noisy PV passes a level several times; the median of its passages counts.
 
     Parameters
     ----------
@@ -104,13 +103,10 @@ def smith_two_point(
 
 
 def _passage(t: Real, part: Real, level: float) -> float:
-    """Middle between the first and the last upward passage of a level. [s]"""
+    """Median of the upward passages of a level. [s]"""
     above = part >= level
     up = np.flatnonzero(~above[:-1] & above[1:])
     if not up.size:
         raise PoorExcitation(f"PV never passes {level:.1%} of its change.")
-    middles = []
-    for i in (up[0], up[-1]):
-        share = (level - part[i]) / (part[i + 1] - part[i])
-        middles.append(float(t[i] + share * (t[i + 1] - t[i])))
-    return sum(middles) / 2
+    share = (level - part[up]) / (part[up + 1] - part[up])
+    return float(np.median(t[up] + share * (t[up + 1] - t[up])))
