@@ -53,7 +53,7 @@ def solve_brackets(
         least = finest / np.maximum(width, 2 * finest)
         c = a + np.minimum(np.maximum(part, least), 1 - least) * (b - a)
         c = np.where(unfinished, c, b)
-        fc = f(np.exp(c))
+        fc = np.where(unfinished, f(np.exp(c)), fb)
         # An end that stays is made to count less, by how far the other end's value has fallen.
         weight = 1 - fc / np.where(fb != 0, fb, 1.0)
         weight = np.where(weight > 0, weight, 0.5)

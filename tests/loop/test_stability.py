@@ -52,7 +52,7 @@ def encirclements(process: Process, controller: PID) -> tuple[int, float]:
     The distance is 0 where the loop still turns with a gain above 1 beyond what the contour sees.
     """
     corner = 1e-7 * np.exp(1j * np.linspace(0, math.pi / 2, 400))
-    s = np.concatenate([corner, 1j * np.geomspace(1e-7, 1e4, 90_000)[1:]])
+    s = np.concatenate([corner, 1j * np.geomspace(1e-7, 1e4, 50_000)[1:]])
     L = rational_response(process, s) * controller_response(controller, s)
     back = 1 + L * np.exp(-process.theta * s)
     turn = np.unwrap(np.angle(back))
@@ -66,20 +66,20 @@ def encirclements(process: Process, controller: PID) -> tuple[int, float]:
 def test_the_count_is_that_of_nyquist() -> None:
     rng = np.random.default_rng(7)
     counts = []
-    for _ in range(150):
+    for _ in range(120):
         process, controller = random_loop(rng)
         expected, nearest = encirclements(process, controller)
         if nearest > 1e-3:
             assert unstable_poles(process, controller) == expected, (process, controller)
             counts.append(expected)
-    assert len(counts) > 130
+    assert len(counts) > 100
     assert {0, 1, 2, 3, 4} <= set(counts)
 
 
 def test_the_count_is_that_of_the_roots_with_a_pade_approximation_of_order_ten() -> None:
     rng = np.random.default_rng(3)
     seen = []
-    for _ in range(300):
+    for _ in range(200):
         tau, theta = 10 ** rng.uniform(-0.5, 1), 10 ** rng.uniform(-1, 0.3)
         process = SOPDT(K=float(rng.choice([-1, 1])), tau1=tau, tau2=0.3 * tau, theta=theta)
         controller = PID(
@@ -102,7 +102,7 @@ def test_the_count_is_that_of_the_roots_with_a_pade_approximation_of_order_ten()
             expected = int(np.sum(roots.real > 0))
             assert unstable_poles(process, controller) == expected
             seen.append(expected)
-    assert len(seen) > 250
+    assert len(seen) > 150
     assert {0, 1, 2} <= set(seen)
 
 
