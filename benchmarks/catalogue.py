@@ -42,8 +42,8 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
             ("fopdt_bound", "FOPDT fit of 1,000 tests against the Cramér-Rao bound", 60.0),
             ("simulation", "closed loop with limits against simple-pid, python-control", 40.0),
             ("tuning_request", "all rules with their sweeps for one process", 40.0),
-            ("csv_import", "historian exports against pandas, pyarrow, polars", 340.0),
-            ("http_tuning", "a tuning request through HTTP", 40.0),
+            ("csv_import", "historian exports against pandas, pyarrow, polars", 320.0),
+            ("http_tuning", "a tuning request through HTTP", 60.0),
             ("upload", "five million rows through HTTP into the sample store", 150.0),
         )
     }

@@ -34,6 +34,12 @@ class Server:
         """Largest resident memory of the server so far, with that of its children. [bytes]"""
         return sum(_status(pid, "VmHWM") for pid in _family(self.pid))
 
+    def processor_time(self) -> float:
+        """Processor time that the server took so far, without that of its children. [s]"""
+        fields = Path(f"/proc/{self.pid}/stat").read_text(encoding="ascii").rpartition(")")[2]
+        user, system = fields.split()[11:13]
+        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
     def memory(self) -> float:
         """Resident memory of the server now, with that of its children. [bytes]"""
         return sum(_status(pid, "VmRSS") for pid in _family(self.pid))
@@ -55,10 +61,8 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def _loopwright(*words: str, environment: dict[str, str]) -> str:
-    command = [sys.executable, "-m", "service.cli", *words]
-    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
-    return done.stdout
+def _command(*words: str) -> list[str]:
+    return [str(Path(sys.executable).with_name("loopwright")), *words]
 
 
 @contextmanager
@@ -76,19 +80,13 @@ def server(folder: Path) -> Iterator[Server]:
         It does not answer within half a minute.
     """
     port = _free_port()
-    environment = os.environ | {
-        "LOOPWRIGHT_DATA": str(folder),
-        "LOOPWRIGHT_PORT": str(port),
-    }
-    _loopwright("migrate", environment=environment)
-    printed = _loopwright("key", "create", "bench", "--role", "engineer", environment=environment)
-    token = next(word for word in printed.split() if word.startswith("lw_"))
+    data = ["--data", str(folder)]
+    subprocess.run(_command("migrate", *data), stdout=subprocess.DEVNULL, check=True)
+    create = _command("key", "create", "--owner", "bench", "--role", "engineer", *data)
+    token = subprocess.run(create, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
     with (folder / "server.log").open("wb") as log:
         process = subprocess.Popen(
-            [sys.executable, "-m", "service.cli", "serve"],
-            env=environment,
-            stdout=log,
-            stderr=subprocess.STDOUT,
+            _command("serve", "--port", str(port), *data), stdout=log, stderr=subprocess.STDOUT
         )
         try:
             with httpx2.Client(
