@@ -1,11 +1,17 @@
 """Account for every row and cell: kept, gap, merged or rejected with line and reason."""
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+
+Integers = npt.NDArray[np.int64]
+
+NO_TIME = "there is no time"
+NOT_A_TIME = "the time is not in the format of the file"
+NO_TAG = "there is no tag"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,16 +129,17 @@ class Ledger:
         self.rows_rejected[tag] += 1
         self._reject(line, tag, text, reason)
 
-    def reject_rows(self, lines: npt.NDArray[np.int64], tag: str, text: str, reason: str) -> None:
-        """Count rows that are not used, for one reason; `text` stands in the first of them."""
-        self.rows_rejected[tag] += lines.size
-        self.reasons[reason] += lines.size
-        for place, line in enumerate(lines[: self._most - len(self.rejections)].tolist()):
-            self._list(line, tag, text if place == 0 else "", reason)
-
-    def reject_cells(
-        self, lines: npt.NDArray[np.int64], column: str, text: str, reason: str
+    def reject_rows(
+        self, lines: Integers, tag: str, text_of: Callable[[int], str], reason: str
     ) -> None:
+        """Count rows that are not used, for one reason; `text_of` gives the text of the k-th."""
+        self.rows_rejected[tag] += lines.size
+        if lines.size:
+            self.reasons[reason] += lines.size
+        for place, line in enumerate(lines[: self._most - len(self.rejections)].tolist()):
+            self._list(line, tag, text_of(place), reason)
+
+    def reject_cells(self, lines: Integers, column: str, text: str, reason: str) -> None:
         """Count equal cells that are not used."""
         self.cells_rejected[column] += lines.size
         self.reasons[reason] += lines.size

@@ -107,9 +107,9 @@ class Assembly:
         ):  # fmt: skip
             rows = np.flatnonzero(flags)
             if rows.size:
-                local = stream.instants[rows[:1]].view("datetime64[ns]")
-                text = str(np.datetime_as_string(local, unit="s")[0])
-                self._ledger.reject_rows(stream.lines_of(rows), tag, text, reason)
+                local = stream.instants[rows[: self._plan.options.max_rejections]]
+                texts = [str(stamp) for stamp in local.astype("datetime64[ns]").astype("M8[s]")]
+                self._ledger.reject_rows(stream.lines_of(rows), tag, texts.__getitem__, reason)
         stream.instants = converted.instants
         bad = converted.missing | converted.unclear
         if bad.any():
@@ -206,8 +206,23 @@ class Assembly:
 
 
 def assemble(plan: Plan, streams: Iterable[Stream], ledger: Ledger) -> Export:
-    """Put an export together from the streams of a walk."""
+    """Put an export together from the streams of a walk.
+
+    Raises
+    ------
+    ExportRefused
+        Where no row is left.
+    """
     assembly = Assembly(plan, ledger)
     for stream in streams:
         assembly.add(stream)
-    return assembly.export()
+    export = assembly.export()
+    if export.accounting.rows_kept == 0:
+        first = next(iter(export.accounting.rejections), None)
+        raise ExportRefused(
+            f"No row of samples could be read, the first because {first.reason}."
+            if first is not None
+            else "The file holds no rows of samples; export it again.",
+            line=None if first is None else first.line,
+        )
+    return export

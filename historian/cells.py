@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -65,12 +66,20 @@ class Cells:
     odd: dict[int, tuple[Places, Words]] = field(default_factory=dict)
     gaps: set[int] = field(default_factory=set)
 
-    def time_text(self, column: int, row: int) -> str:
-        """Read one time cell as it stands in the file."""
-        cells = self.times[column]
+    def time_text_at(self, column: int, rows: Places, place: int) -> str:
+        """Read the time cell of one of some rows as it stands in the file."""
+        cells, row = self.times[column], int(rows[place])
         if pa.types.is_dictionary(cells.type):
             cells, row = cells.dictionary, cells.indices[row].as_py()
         return bytes(cells[row].as_buffer()).decode("latin-1").strip()
+
+    def is_time_text(self, column: int, rows: Places, text: str) -> Flags:
+        """Tell in which of some rows a time cell holds exactly this text."""
+        cells = self.times[column].take(pa.array(rows))
+        if pa.types.is_dictionary(cells.type):
+            cells = cells.dictionary_decode()
+        trimmed = pc.ascii_trim_whitespace(cells)
+        return cast("Flags", pc.equal(trimmed, text).to_numpy(zero_copy_only=False))
 
     def empty_in(self, column: int, used: Flags) -> int:
         """Count the empty cells of a number column in the rows that are used."""

@@ -33,7 +33,6 @@ def clean_lines(block: Block, plan: Plan, ledger: Ledger) -> GoodLines:
     if block.terminated:
         texts.pop()
     last = block.first_line + len(texts) - 1
-    header = _header_of(plan)
     for number, text in enumerate(texts, start=block.first_line):
         if not text.strip():
             ledger.passed_over["empty lines"] += 1
@@ -46,7 +45,7 @@ def clean_lines(block: Block, plan: Plan, ledger: Ledger) -> GoodLines:
         elif number == last and ends_in_a_number(block, plan):
             reason = "its last number ends in the decimal mark"
         if reason is None:
-            fitted, reason = _fit(text, plan, header, ledger)
+            fitted, reason = _fit(text, plan, ledger)
             if fitted is not None:
                 good.texts.append(fitted)
                 good.numbers.append(number)
@@ -67,13 +66,7 @@ def ends_in_a_number(block: Block, plan: Plan) -> bool:
     )
 
 
-def _header_of(plan: Plan) -> tuple[str, ...] | None:
-    return plan.table.names if plan.table.header_line is not None else None
-
-
-def _fit(
-    text: bytes, plan: Plan, header: tuple[str, ...] | None, ledger: Ledger
-) -> tuple[bytes | None, str | None]:
+def _fit(text: bytes, plan: Plan, ledger: Ledger) -> tuple[bytes | None, str | None]:
     """Return the line with as many cells as the table, or the reason why it has not."""
     delimiter, width = plan.table.delimiter, plan.table.width
     if b'"' in text:
@@ -100,7 +93,7 @@ def _fit(
         return _rebuilt(text, cells, width, delimiter), None
     if found < width and plan.assignment.layout is Layout.PAIRS:
         return text + delimiter.encode() * (width - found), None
-    if header is not None and tuple(cells[:2]) == header[:2]:
+    if all(plan.heading_of(column) == cell for column, cell in enumerate(cells[:2])):
         ledger.passed_over["repeated headings"] += 1
         return None, None
     return None, f"it has {found} columns instead of {width}"

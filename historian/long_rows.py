@@ -1,9 +1,11 @@
 """Rows of a long file, each one sample of one tag, sorted apart at the end."""
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
-from historian.accounting import Ledger
+from historian.accounting import NO_TAG, NO_TIME, NOT_A_TIME, Ledger
 from historian.cell_meaning import account_odd_cells, blank_bad_quality, modes_of
 from historian.cells import Cells, Words
 from historian.errors import ExportRefused
@@ -45,11 +47,11 @@ class LongRows:
         """Append the rows of one block."""
         words = cells.words[self._columns.tag]
         instants, good, blank = self._instants.read(cells, self._columns.time)
-        footer = np.array([word.startswith("$RT_") for word in words.words])[words.places]
+        passed = np.array([bool(self._pass_over(word)) for word in words.words])[words.places]
         named = np.array([bool(word) for word in words.words])[words.places]
-        used = good & named & ~footer
-        self._count_rows(words, footer)
-        self._reject(cells, words, used | footer, named, blank)
+        used = good & named & ~passed
+        self._count_rows(words)
+        self._reject(cells, words, used | passed, blank)
         values = self._settled(cells, words, used)
         codes = self._coded(words)[words.places]
         if not used.all():
@@ -71,24 +73,33 @@ class LongRows:
             )
         return np.array([self._tags[word] for word in words.words], dtype=np.int16)
 
-    def _count_rows(self, words: Words, footer: Flags) -> None:
+    def _pass_over(self, tag: str) -> str:
+        """Say what a row is that names no tag: a footer or a repeated heading."""
+        if tag.startswith("$RT_"):
+            return "footers"
+        return "repeated headings" if self._plan.heading_of(self._columns.tag) == tag else ""
+
+    def _count_rows(self, words: Words) -> None:
         counts = np.bincount(words.places, minlength=len(words.words)).tolist()
         for word, count in zip(words.words, counts, strict=True):
-            if count and not word.startswith("$RT_"):
+            what = self._pass_over(word)
+            if what:
+                self._ledger.passed_over[what] += count
+            elif count:
                 self._ledger.rows_read[word] += count
-        if footer.any():
-            self._ledger.passed_over["footers"] += int(np.count_nonzero(footer))
 
-    def _reject(self, cells: Cells, words: Words, used: Flags, named: Flags, blank: Flags) -> None:
-        for row in np.flatnonzero(~used).tolist():
-            tag = words.words[words.places[row]]
-            text = cells.time_text(self._columns.time.columns[-1], row)
-            reason = "the time is not in the format of the file"
-            if blank[row]:
-                reason = "there is no time"
-            elif not named[row]:
-                reason = "there is no tag"
-            self._ledger.reject_row(int(cells.lines[row]), text, reason, tag)
+    def _reject(self, cells: Cells, words: Words, used: Flags, blank: Flags) -> None:
+        bad = np.flatnonzero(~used)
+        column = self._columns.time.columns[-1]
+        for place in np.unique(words.places[bad]).tolist():
+            rows = bad[words.places[bad] == place]
+            late = rows[~blank[rows]]
+            texts = partial(cells.time_text_at, column, late)
+            reason = NOT_A_TIME if words.words[place] else NO_TAG
+            self._ledger.reject_rows(cells.lines[late], words.words[place], texts, reason)
+            early = rows[blank[rows]]
+            texts = partial(cells.time_text_at, column, early)
+            self._ledger.reject_rows(cells.lines[early], words.words[place], texts, NO_TIME)
 
     def _settled(self, cells: Cells, words: Words, used: Flags) -> Real:
         """Give every value its meaning: number, gap, or mode."""

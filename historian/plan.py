@@ -44,6 +44,10 @@ class Plan:
     schemes: dict[int, Scheme]
     options: ReadOptions
 
+    def heading_of(self, column: int) -> str | None:
+        """Heading of a column, None in a file without headings."""
+        return self.table.names[column] if self.table.header_line is not None else None
+
     @property
     def number_columns(self) -> tuple[int, ...]:
         """Columns that hold numbers."""

@@ -84,7 +84,7 @@ class GrowingStream:
 
     def finished(self) -> Stream:
         """Join the chunks, letting go of those of a column as soon as they are joined."""
-        instants = joined(self._instants)
+        instants = joined(self._instants) if self._instants else np.zeros(0, dtype=np.int64)
         values = {tag: joined(self._values.pop(tag)) for tag in list(self._values)}
         return Stream(instants, self._lines, values)
 

@@ -99,11 +99,7 @@ def find_table(text: str, options: ReadOptions) -> Table:
     start = _after_data_section(numbered, notes)
     if options.first_line is not None:
         start = max(start, min(options.header_line or options.first_line, options.first_line) - 1)
-    sample = [
-        (number, line)
-        for number, line in numbered[start : start + SAMPLE_LINES]
-        if line.strip() and not is_comment(line) and not is_section(line)
-    ]
+    sample = _telling_lines(numbered[start : start + SAMPLE_LINES])
     if not sample:
         raise ExportRefused("The file holds no rows; export it again.")
     delimiter = options.delimiter or _decide_delimiter([line for _, line in sample])
@@ -123,6 +119,19 @@ def find_table(text: str, options: ReadOptions) -> Table:
         rows=data,
         notes=tuple(notes),
     )
+
+
+def _telling_lines(numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Leave out comments, sections, and lines without digits that repeat, such as headings."""
+    telling: list[tuple[int, str]] = []
+    wordy: set[str] = set()
+    for number, line in numbered:
+        if is_comment(line) or is_section(line) or line in wordy or not line.strip(" ,;|\t"):
+            continue
+        if not any(character.isdigit() for character in line):
+            wordy.add(line)
+        telling.append((number, line))
+    return telling
 
 
 def _after_data_section(lines: list[tuple[int, str]], notes: list[str]) -> int:
@@ -196,7 +205,11 @@ def _first_data_line(rows: list[tuple[int, Row]], width: int) -> int:
 
 
 def _usual_kind(kinds: list[Kind]) -> Kind:
+    """Take the kind of most cells; a fifth of numbers or times counts for more than any words."""
     counted = Counter(kind for kind in kinds if kind is not Kind.EMPTY)
+    measured = Counter({k: n for k, n in counted.items() if k in TIMES or k is Kind.NUMBER})
+    if measured.total() * 5 >= counted.total():
+        counted = measured
     return counted.most_common(1)[0][0] if counted else Kind.EMPTY
 
 

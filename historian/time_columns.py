@@ -3,9 +3,11 @@
 from itertools import pairwise
 
 from historian.assignment import TimeColumns
-from historian.cell_kind import Kind
+from historian.cell_kind import Kind, kind_of
 from historian.column_view import COUNTER_NAMES, ColumnView
+from historian.errors import ExportRefused
 from historian.stamp_shape import is_midnight
+from historian.tag_map import part_of
 from historian.time_format import names_time
 
 _SUBSECOND_NAMES = frozenset({"milliseconds", "millisecond", "ms", "msec", "millis"})
@@ -61,16 +63,40 @@ def _milliseconds(view: ColumnView, clock: int) -> int | None:
 
 
 def _rising_number(view: ColumnView) -> int:
-    """Choose among numeric columns: by heading, else the first one if it only rises or falls."""
+    """Choose among numeric columns: by heading, else the first one if it only rises or falls.
+
+    Where another heading speaks of time, its cells are times in an unknown format, and a number
+    that happens to rise is none.
+    """
     numeric = [
         j
         for j, seen in enumerate(view.seen)
         if seen.usual is Kind.NUMBER and view.plain(j) not in COUNTER_NAMES
     ]
     named = [j for j in numeric if view.named and names_time(view.table.names[j])]
-    if not named and numeric and _is_ordered(view.table.column(numeric[0])):
-        named = numeric[:1]
+    if not named:
+        _refuse_unknown_format(view)
+        first = numeric[:1]
+        if first and _is_ordered(view.table.column(first[0])) and not _is_part(view, first[0]):
+            named = first
     return view.only(named, "the time", "columns.time")
+
+
+def _refuse_unknown_format(view: ColumnView) -> None:
+    for j in view.every:
+        if view.named and names_time(view.table.names[j]) and view.seen[j].usual is Kind.TEXT:
+            cells = view.table.column(j)
+            example = next(cell for cell in cells if kind_of(cell) is Kind.TEXT)
+            raise ExportRefused(
+                f"The times, such as {example!r}, are in no known format; export them as "
+                "YYYY-MM-DD hh:mm:ss, or state another time column with columns.time.",
+                line=view.table.first_line,
+                column=view.table.names[j],
+            )
+
+
+def _is_part(view: ColumnView, index: int) -> bool:
+    return view.named and part_of(view.table.names[index]) is not None
 
 
 def _is_ordered(cells: list[str]) -> bool:

@@ -1,10 +1,11 @@
 """One walk through the file: rows become streams of instants and values."""
 
 from collections.abc import Iterable
+from functools import partial
 
 import numpy as np
 
-from historian.accounting import Ledger
+from historian.accounting import NO_TIME, NOT_A_TIME, Ledger
 from historian.assignment import Signal
 from historian.cell_meaning import account_odd_cells, blank_bad_quality, modes_of
 from historian.cells import CellReader, Cells
@@ -15,9 +16,6 @@ from historian.options import Layout
 from historian.plan import Plan
 from historian.streams import GrowingStream, Stream
 from loop.signals import Flags, Real
-
-NO_TIME = "there is no time"
-NOT_A_TIME = "the time is not in the format of the file"
 
 
 class Walk:
@@ -66,8 +64,10 @@ class Walk:
 
     def _append(self, stream: GrowingStream, group: list[Signal], cells: Cells) -> None:
         instants, good, blank = self._instants.read(cells, group[0].time)
-        empty = blank & self._is_empty(group, cells) if blank.any() else blank
-        self._reject(group, cells, good, blank, empty)
+        if not good.all():
+            self._reject(group, cells, good, blank)
+        else:
+            self._ledger.rows_read[self._owner(group)] += good.size
         values = {}
         for signal in group:
             whole = self._values(signal, cells, good)
@@ -90,19 +90,29 @@ class Walk:
                     empty[cells.odd[signal.column][0]] = False
         return empty
 
-    def _reject(
-        self, group: list[Signal], cells: Cells, good: Flags, blank: Flags, empty: Flags
-    ) -> None:
-        paired = self._plan.assignment.layout is Layout.PAIRS
-        tag = group[0].tag if paired else ""
-        self._ledger.rows_read[tag] += int(np.count_nonzero(~empty))
-        if empty.any() and not paired:
+    def _owner(self, group: list[Signal]) -> str:
+        """Tag that rows are counted for, empty where all tags share them."""
+        return group[0].tag if self._plan.assignment.layout is Layout.PAIRS else ""
+
+    def _reject(self, group: list[Signal], cells: Cells, good: Flags, blank: Flags) -> None:
+        """Reject the rows without a time, except those that are empty or repeat the headings."""
+        owner, column = self._owner(group), group[0].time.columns[-1]
+        empty = blank & self._is_empty(group, cells)
+        doubtful = np.flatnonzero(~good & ~empty)
+        heading = self._plan.heading_of(column)
+        if heading is not None and doubtful.size:
+            repeated = cells.is_time_text(column, doubtful, heading)
+            self._ledger.passed_over["repeated headings"] += int(np.count_nonzero(repeated))
+            doubtful = doubtful[~repeated]
+        if not owner:
             self._ledger.passed_over["empty lines"] += int(np.count_nonzero(empty))
-        for row in np.flatnonzero(~good & ~empty).tolist():
-            column = group[0].time.columns[-1]
-            text = cells.time_text(column, row) if not blank[row] else ""
-            reason = NO_TIME if blank[row] else NOT_A_TIME
-            self._ledger.reject_row(int(cells.lines[row]), text, reason, tag)
+        self._ledger.rows_read[owner] += int(np.count_nonzero(good)) + doubtful.size
+        for rows, reason in (
+            (doubtful[blank[doubtful]], NO_TIME),
+            (doubtful[~blank[doubtful]], NOT_A_TIME),
+        ):
+            texts = partial(cells.time_text_at, column, rows)
+            self._ledger.reject_rows(cells.lines[rows], owner, texts, reason)
 
     def _values(self, signal: Signal, cells: Cells, used: Flags) -> Real:
         if signal.is_mode:
