@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 import structlog
-from fastapi import FastAPI
+from fastapi import Depends, FastAPI
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 
@@ -17,6 +17,7 @@ from service.metrics import Metrics
 from service.migration import assert_ready
 from service.openapi import describe, docs_page
 from service.problems import PROBLEM_ANSWERS, add_problem_handlers
+from service.query import refuse_unknown_parameters
 from service.settings import Settings
 
 log = structlog.get_logger()
@@ -51,6 +52,7 @@ def create_app(settings: Settings | None = None, held: Database | None = None) -
         version="0.1.0",
         description="Loop tuning with its evidence: models, verified settings, versioned sheets.",
         responses=PROBLEM_ANSWERS,
+        dependencies=[Depends(refuse_unknown_parameters)],
         docs_url=None,  # FastAPI's own pages load scripts from a CDN; ours works offline
         redoc_url=None,
         lifespan=lifespan,

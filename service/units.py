@@ -1,8 +1,9 @@
 """Numbers and words as the API accepts them, with their limits."""
 
+import re
 from typing import Annotated, TypeAlias
 
-from pydantic import AfterValidator, Field, StringConstraints
+from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, StringConstraints
 
 
 def _one_line(text: str) -> str:
@@ -33,6 +34,16 @@ Reason: TypeAlias = Annotated[
     StringConstraints(min_length=3, max_length=2000, strip_whitespace=True),
     AfterValidator(_several_lines),
 ]
+
+
+def _written_out(value: object) -> object:
+    """Refuse a bare number, which pydantic would read as seconds since 1970."""
+    if isinstance(value, str) and not re.match(r"\d{4}-\d{2}-\d{2}[T ]", value):
+        raise ValueError("must be a date and a time with its zone, such as 2026-01-31T08:00:00Z")
+    return value
+
+
+Moment: TypeAlias = Annotated[AwareDatetime, Field(strict=False), BeforeValidator(_written_out)]
 
 # The limits of loop.process and loop.controller; they also catch milliseconds sent as seconds.
 Seconds: TypeAlias = Annotated[float, Field(ge=1e-9, le=1e9, allow_inf_nan=False)]

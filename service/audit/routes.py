@@ -5,14 +5,13 @@ from uuid import UUID
 
 from fastapi import APIRouter, Depends, Query
 from fastapi.responses import StreamingResponse
-from pydantic import AwareDatetime
 
 from service.access import Viewer
 from service.audit import actions, store
 from service.audit.schemas import AuditLine, AuditPage, VerdictBody
 from service.database import Database, Reading, database
 from service.listing import Cursor, Limit, cursor_after, number_of
-from service.units import Line
+from service.units import Line, Moment
 
 router = APIRouter(prefix="/v1/audit", tags=["audit"])
 HeadHash: TypeAlias = Annotated[
@@ -26,8 +25,8 @@ def _wanted(
     action: Line | None = None,
     subject: Line | None = None,
     loop_id: UUID | None = None,
-    since: AwareDatetime | None = None,
-    until: Annotated[AwareDatetime | None, Query(description="Exclusive.")] = None,
+    since: Moment | None = None,
+    until: Annotated[Moment | None, Query(description="Exclusive.")] = None,
 ) -> store.Filter:
     return store.Filter(
         actor=actor, action=action, subject=subject, loop_id=loop_id, since=since, until=until

@@ -105,4 +105,4 @@ def declares(action: str | None) -> dict[str, object]:
     action : str or None
         The action recorded; none for a route that computes and stores nothing.
     """
-    return {"x-audit": action}
+    return {"x-audit": action or "none"}

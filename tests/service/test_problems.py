@@ -36,7 +36,9 @@ def every_error() -> list[type[Exception]]:
     while waiting:
         kind = waiting.pop()
         waiting += kind.__subclasses__()
-        if kind not in (LoopError, ServiceError) and kind.__module__.split(".")[0] in PACKAGES:
+        # What only the command line says has an exit code, no page.
+        ours = kind.__module__.split(".")[0] in PACKAGES and "service.cli" not in kind.__module__
+        if ours and kind not in (LoopError, ServiceError):
             found.append(kind)
     return found
 
