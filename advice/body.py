@@ -14,6 +14,7 @@ import numpy as np
 from advice.tune import TuningCase
 from identification.identify import Identification
 from identification.quality import Colour
+from identification.relay import RelayResult
 from identification.step_reading import StepReading
 from loop.controller import PID
 from loop.margin_batch import MarginBatch
@@ -258,11 +259,38 @@ def step_body(reading: StepReading) -> Body:
     }
 
 
-def case_model_body(case: TuningCase) -> Body | None:
+def relay_body(relay: RelayResult) -> Body:
+    """What a relay test says, in the place of a model."""
+    values = asdict(relay)
+    remarks = values.pop("remarks")
+    return {
+        "kind": "relay",
+        "tau": None,
+        "theta": None,
+        "parameters": None,
+        "verdict": "use with care",
+        "reasons": list(remarks),
+        **{name: number(value) for name, value in values.items()},
+    }
+
+
+def case_model_body(case: TuningCase) -> Body:
     """The model that a case rests on, whichever way it came."""
     if case.model is not None:
         return model_body(case.model)
-    return None if case.process is None else stated_model_body(case.process)
+    if case.relay is not None:
+        return relay_body(case.relay)
+    if case.process is not None:
+        return stated_model_body(case.process)
+    return {
+        "kind": None,
+        "K": None,
+        "tau": None,
+        "theta": None,
+        "parameters": None,
+        "verdict": "refused",
+        "reasons": [case.recommended_reason],
+    }
 
 
 def case_body(case: TuningCase) -> Body:

@@ -5,6 +5,7 @@ import numpy as np
 from advice.display import digits
 from advice.tune import TuningCase
 from identification.identify import Identification
+from identification.relay import RelayResult
 from loop.process import Process
 from loop.record import Record
 
@@ -51,6 +52,8 @@ def data_facts(record: Record) -> Facts:
 
 def model_facts(case: TuningCase) -> Facts:
     """Say which process the case rests on, how sure that is, and why."""
+    if case.relay is not None:
+        return _relay_facts(case.relay, gain_unit(case.record))
     if case.model is None:
         return [] if case.process is None else [*_stated(case.process)]
     return _identified(case.model, case.record)
@@ -77,3 +80,14 @@ def _identified(model: Identification, record: Record | None) -> Facts:
             ("theta", f"{digits(p.theta)} ± {theta} s (95 %)"),
         ]
     return facts + [("because", reason) for reason in model.reasons]
+
+
+def _relay_facts(relay: RelayResult, unit: str) -> Facts:
+    low, high = digits(relay.Ku_low, 3), digits(relay.Ku_high, 3)
+    return [
+        ("relay test", f"{relay.cycles} settled cycles, {relay.discarded} before them left out"),
+        ("Ku", f"{digits(relay.Ku)} {unit} by describing function; truly {low} to {high}"),
+        ("Pu", f"{digits(relay.Pu)} s"),
+        ("K", "not known" if relay.K is None else f"{digits(relay.K)} (from the relay's bias)"),
+        *(("because", remark) for remark in relay.remarks),
+    ]

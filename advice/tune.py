@@ -10,11 +10,15 @@ The command line, the REST service and a notebook all call these functions:
 from dataclasses import dataclass, replace
 
 from identification.identify import Identification, identify
+from identification.relay import RelayResult, looks_like_relay, relay_test
 from loop.controller import PID, Action
+from loop.errors import NoLimitCycle
 from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
 from loop.record import Record
 from tuning.answer import Tuning, tunings
 from tuning.profiles import DEFAULT_PROFILE, Profile, profile_named
+from tuning.proposals import tune_from_ultimate
+from tuning.ultimate import UltimatePoint
 from tuning.verification import Verification, verify
 
 TunedProcess = FOPDT | SOPDT | IPDT | DoubleIntegrator
@@ -31,7 +35,9 @@ class TuningCase:
     record : Record or None
         Data that the case rests on; None where the process was given.
     model : Identification or None
-        What the data say of the process; None where it was given.
+        What the data say of the process; None where it was given, or for a relay test.
+    relay : RelayResult or None
+        Ultimate gain and period, for a relay test.
     process : FOPDT, SOPDT, IPDT, DoubleIntegrator or None
         Model that was tuned; None where the data carry none.
     tunings : tuple of Tuning
@@ -49,6 +55,7 @@ class TuningCase:
     profile: Profile
     record: Record | None
     model: Identification | None
+    relay: RelayResult | None
     process: TunedProcess | None
     tunings: tuple[Tuning, ...]
     recommended: int | None
@@ -74,13 +81,14 @@ def tune(
     tau_c: float | None = None,
     scan_time: float = 0.0,
     running: PID | None = None,
+    relay_hysteresis: float = 0.0,
 ) -> TuningCase:
     """Identify the process behind a record, tune it by every rule and verify the settings.
 
     Parameters
     ----------
     record : Record
-        A step test.
+        A step test or a relay test.
     profile : str
         Name of the target profile in `tuning.profiles.PROFILES`.
     tau_c : float, optional
@@ -90,6 +98,8 @@ def tune(
         Scan time of the controller; half of it counts as dead time in every margin. [s]
     running : PID, optional
         Settings in the controller now, to compare with.
+    relay_hysteresis : float
+        Half-width of the relay's hysteresis, for a relay test. [PV]
 
     Returns
     -------
@@ -102,12 +112,15 @@ def tune(
         The profile, tau_c or the scan time cannot be.
     """
     limits = profile_named(profile)
+    if looks_like_relay(record):
+        return _from_relay(record, limits, hysteresis=relay_hysteresis)
     model = identify(record)
     if model.process is None:
         return TuningCase(
             profile=limits,
             record=record,
             model=model,
+            relay=None,
             process=None,
             tunings=(),
             recommended=None,
@@ -172,6 +185,7 @@ def _tuned(
         profile=profile,
         record=record,
         model=model,
+        relay=None,
         process=process,
         tunings=answer.tunings,
         recommended=answer.recommendation.index,
@@ -180,4 +194,34 @@ def _tuned(
         running_verification=None
         if running is None
         else verify(process, running, profile, sample_time=scan_time),
+    )
+
+
+def _from_relay(record: Record, profile: Profile, *, hysteresis: float) -> TuningCase:
+    """Ultimate-point rules alone: without a model there is no proof, so nothing is recommended."""
+    try:
+        relay = relay_test(record, hysteresis=hysteresis)
+    except NoLimitCycle as reason:
+        return TuningCase(
+            profile=profile, record=record, model=None, relay=None, process=None, tunings=(),
+            recommended=None, recommended_reason=f"No settings: {reason}",
+        )  # fmt: skip
+    point = UltimatePoint(
+        Ku=relay.Ku,
+        Pu=relay.Pu,
+        action=Action.for_gain(relay.gain_sign),
+        source="describing function",
+    )
+    return TuningCase(
+        profile=profile,
+        record=record,
+        model=None,
+        relay=relay,
+        process=None,
+        tunings=tuple(Tuning(proposal=p, verification=None) for p in tune_from_ultimate(point)),
+        recommended=None,
+        recommended_reason=(
+            "Nothing is recommended from a relay test alone: Ku and Pu say nothing of the margins "
+            "under model errors. Run a step test, or give a model."
+        ),
     )

@@ -9,7 +9,8 @@ import typer
 
 from advice.body import case_body
 from advice.report.page import write_report
-from advice.tune import TuningCase, tune as tune_record
+from advice.tune import TuningCase
+from advice.tune import tune as tune_record
 from loop.controller import PID
 from service.cli import reading
 from service.cli.printing import print_case
@@ -18,7 +19,7 @@ from tuning.profiles import DEFAULT_PROFILE, PROFILES
 REFUSED = 3
 
 
-def tune(  # noqa: PLR0913 - one parameter an option
+def tune(
     file: reading.ExportFile,
     time: reading.TimeColumn = None,
     pv: reading.PVColumn = None,
@@ -43,6 +44,9 @@ def tune(  # noqa: PLR0913 - one parameter an option
             help="Settings in the controller now (ISA, seconds; TI may be inf), to compare with.",
         ),
     ] = None,
+    relay_hysteresis: Annotated[
+        float, typer.Option(metavar="PV", help="Half-width of a relay test's hysteresis.")
+    ] = 0.0,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the document that the API answers.")
     ] = False,
@@ -73,8 +77,9 @@ def tune(  # noqa: PLR0913 - one parameter an option
     record, export = reading.read_record(file, stated)
     try:
         case = tune_record(
-            record, profile=profile, tau_c=tau_c, scan_time=scan_time, running=now
-        )
+            record, profile=profile, tau_c=tau_c, scan_time=scan_time, running=now,
+            relay_hysteresis=relay_hysteresis,
+        )  # fmt: skip
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
     if as_json:

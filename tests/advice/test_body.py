@@ -9,6 +9,7 @@ import pytest
 from advice.body import case_body
 from advice.tune import tune, tune_process
 from loop.controller import PID
+from loop.plants import PLANT, relay_test
 from loop.process import FOPDT, IPDT
 from loop.record import Record
 
@@ -84,7 +85,13 @@ def test_a_refusal_keeps_the_shape(flat_record: Record) -> None:
     assert body["recommended_reason"]
 
 
-def test_a_running_controller_keeps_the_shape() -> None:
+def test_a_relay_case_and_a_running_controller_keep_the_shape() -> None:
+    relay = document(tune(relay_test(PLANT[3])))
+    assert relay["model"]["kind"] == "relay"
+    assert relay["model"]["Ku"] > 0
+    assert set(relay["model"]) >= MODEL
+    assert all(t["margins"] is None and not t["passes"] for t in relay["tunings"])
+
     running = document(
         tune_process(FOPDT(K=2.0, tau=120.0, theta=30.0), running=PID(Kc=0.5, Ti=math.inf))
     )["running"]

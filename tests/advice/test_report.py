@@ -11,6 +11,7 @@ from advice.report.page import report_page, write_report
 from advice.tune import TuningCase, tune, tune_process
 from loop.controller import PID
 from loop.margins import margins
+from loop.plants import PLANT, relay_test
 from loop.process import FOPDT, IPDT
 from loop.record import Record
 
@@ -99,6 +100,9 @@ def test_a_refusal_and_a_bare_process_make_pages_too(flat_record: Record, tmp_pa
     assert list(figures(file.read_text("utf-8"))) == [
         "bode", "nyquist", "setpoint", "load", "sweep",
     ]  # fmt: skip
+    relay = report_page(tune(relay_test(PLANT[3])), title="relay")
+    assert "Ku" in relay
+    assert "not verified" in relay
 
 
 def test_an_unstable_running_controller_has_no_response_to_draw() -> None:

@@ -8,7 +8,7 @@ import pytest
 from advice.tune import tune, tune_process
 from loop.controller import PID, Action
 from loop.margins import margins
-from loop.plants import PLANT, step_test
+from loop.plants import PLANT, relay_test, step_test
 from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
 from loop.record import Record
 from tuning.verification import verify
@@ -92,6 +92,18 @@ def test_every_kind_of_process_gets_an_answer_or_a_reason(
 def test_a_profile_that_is_not_there_is_named(heater: FOPDT) -> None:
     with pytest.raises(ValueError, match="profile must be one of process, general"):
         tune_process(heater, profile="bold")
+
+
+def test_a_relay_test_gives_ultimate_rules_without_a_recommendation() -> None:
+    loop = next(item for item in PLANT if item.tag == "TIC-201")
+    case = tune(relay_test(loop))
+
+    assert case.relay is not None
+    rules = {t.proposal.rule for t in case.tunings}
+    assert rules == {"ziegler_nichols_ultimate", "tyreus_luyben"}
+    assert all(t.verification is None for t in case.tunings)
+    assert case.recommended is None
+    assert "step test" in case.recommended_reason
 
 
 def test_every_plant_loop_with_a_lag_is_found_by_its_own_step_test() -> None:
