@@ -14,11 +14,15 @@ from service.health import router as operation
 from service.keys.routes import router as keys
 from service.loops.routes import router as loops
 from service.models.routes import router as models
+from service.records.routes import router as records
+from service.records.routes import samples_router as samples
 from service.sheets.routes import router as sheets
 from service.tunings.routes import router as tunings
 
-ROUTERS: tuple[APIRouter, ...] = (loops, models, tunings, sheets, keys, audit, operation)
-UPLOADS: tuple[APIRouter, ...] = ()
+ROUTERS: tuple[APIRouter, ...] = (
+    loops, samples, models, tunings, sheets, keys, audit, operation
+)  # fmt: skip
+UPLOADS: tuple[APIRouter, ...] = (records,)
 
 
 def upload_addresses() -> list[re.Pattern[str]]:
