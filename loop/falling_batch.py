@@ -21,9 +21,9 @@ from loop.stability import ON_THE_AXIS
 LARGEST_RATIO = 1e8
 LARGEST_LOG_SQUARE = 55.0
 STEPS = 14
-SAFE_STEPS = 2
+SAFE_STEPS = 1
 CLOSE = 1e-7
-PEAK_ACCURACY = 1e-8
+PEAK_ACCURACY, NEAR_PEAK = 1e-7, 1e-2
 # Below this part of the lowest corner |T| differs from its start by the fourth power at most.
 ASYMPTOTE = 3e-3
 BELOW = (np.arange(28, 0, -1) / 28) ** 2
@@ -43,9 +43,11 @@ class _Shape:
     beta: Real
     c2: Real
     lags: tuple[Real, ...]
+    squares: tuple[Real, ...]
 
     @classmethod
     def of(cls, loops: LagLoops) -> Self:
+        lags = tuple(T / loops.theta for T in loops.lags)
         b, c = loops.b / loops.theta, loops.c / (loops.theta * loops.theta)
         return cls(
             log_k=loops.log_k + loops.order * np.log(loops.theta),
@@ -54,7 +56,8 @@ class _Shape:
             c=c,
             beta=b * b - 2 * c,
             c2=c * c,
-            lags=tuple(T / loops.theta for T in loops.lags),
+            lags=lags,
+            squares=tuple(T * T for T in lags),
         )
 
     def arranged(self, change: Callable[[Real], Real]) -> "_Shape":
@@ -67,6 +70,7 @@ class _Shape:
             change(self.beta),
             change(self.c2),
             tuple(change(T) for T in self.lags),
+            tuple(change(T2) for T2 in self.squares),
         )
 
     def lead(self, w: Real, x: Real) -> Real:
@@ -80,9 +84,14 @@ class _Shape:
             total = total + np.arctan(T * w)
         return total
 
-    def above(self, w: Real) -> Real:
-        """Phase above -180°. [rad]"""
-        return self.lead(w, w * w) - self.lag(w) + (1 - 0.5 * self.order) * math.pi
+    def above(self, w: Real, x: Real) -> Real:
+        """Phase above -180° at w, x being its square. [rad]"""
+        return self.lead(w, x) - self.lag(w) + self.base
+
+    @property
+    def base(self) -> Real:
+        """Phase above -180° that the integrators leave. [rad]"""
+        return (1 - 0.5 * self.order) * math.pi
 
     def lead_rate(self, x: Real, zeros: Real) -> Real:
         """Return d lead / dw, `zeros` being |1 + b s + c s^2|^2."""
@@ -91,8 +100,8 @@ class _Shape:
     def lag_rate(self, x: Real) -> Real:
         """Return d lag / dw; it falls with w, so that steps over it never go too far."""
         rate: Real = np.ones(1)
-        for T in self.lags:
-            rate = rate + T / (1 + T * T * x)
+        for T, T2 in zip(self.lags, self.squares, strict=True):
+            rate = rate + T / (1 + T2 * x)
         return rate
 
     def zeros(self, x: Real) -> Real:
@@ -123,7 +132,7 @@ def falling_margins(loops: LagLoops) -> tuple[MarginBatch, Flags]:
     if rows.size:
         shape = _Shape.of(loops if rows.size == n else loops.take(rows))
         w, crossed = _gain_crossover(shape)
-        above = shape.above(w)
+        above = shape.above(w, w * w)
         proven[rows[crossed & (above < ON_THE_AXIS)]] = True
         kept = np.flatnonzero(crossed & (above >= ON_THE_AXIS))
         if kept.size:
@@ -178,8 +187,8 @@ def _gain_crossover(shape: _Shape) -> tuple[Real, Flags]:
         zeros = shape.zeros(x)
         slope = x * (shape.beta + 2 * shape.c2 * x) / zeros - shape.order
         product: Real = np.ones(1)
-        for T in shape.lags:
-            bend = T * T * x
+        for T2 in shape.squares:
+            bend = T2 * x
             product = product * (1 + bend)
             slope = slope - bend / (1 + bend)
         level = 2 * shape.log_k - shape.order * u + np.log(zeros / product)
@@ -192,9 +201,8 @@ def _gain_crossover(shape: _Shape) -> tuple[Real, Flags]:
 
 def _phase_crossover(shape: _Shape, w: Real, above: Real) -> tuple[Real, Flags]:
     """Solve for phase -180° upwards from the gain crossover; also whether that converged."""
-    change = above
+    change, x = above, w * w
     for count in range(STEPS):
-        x = w * w
         lag_rate = shape.lag_rate(x)
         rate = lag_rate
         if count >= SAFE_STEPS:
@@ -204,7 +212,8 @@ def _phase_crossover(shape: _Shape, w: Real, above: Real) -> tuple[Real, Flags]:
         w = np.maximum(w + change, 0.5 * w)
         if np.max(np.abs(change) / w) < CLOSE:
             break
-        above = shape.above(w)
+        x = w * w
+        above = shape.above(w, x)
     return w, np.abs(change) < CLOSE * w
 
 
@@ -252,13 +261,13 @@ def _on_points(shape: _Shape, u: Real) -> tuple[Real, Real, Real, Flags]:
     lead, lag = shape.lead(w, x), shape.lag(w)
     product: Real = np.ones(1)
     drop: Real = np.ones(x.shape)  # also where there is no lag to widen it
-    for T in shape.lags:
-        bend = 1 + T * T * x
+    for T, T2 in zip(shape.lags, shape.squares, strict=True):
+        bend = 1 + T2 * x
         product = product * bend
         drop = drop + T / bend
     r2 = np.exp(2 * shape.log_k - shape.order * u) * zeros / product
     r = np.sqrt(r2)
-    base = (1 - 0.5 * shape.order) * math.pi
+    base = shape.base
     S = 1 + r2 - 2 * r * np.cos(lead - lag + base)
     # The last point lies beyond the crossover.
     here, there = slice(0, -2), slice(1, -1)
@@ -291,12 +300,15 @@ def _lowest(shape: _Shape, points: Real, S: Real, T: Real) -> tuple[Real, Real, 
         # Along the step the slope falls to zero in a straight line.
         change = 0.5 * slope * step
         v = v + np.clip(step, -around, around)
-        if np.max(np.abs(change) / f) < PEAK_ACCURACY:
+        settled = (bend > 0) & (np.abs(change) < PEAK_ACCURACY * f) & (np.abs(step) < NEAR_PEAK)
+        if np.all(settled):
             break
-    settled = (bend > 0) & (np.abs(change) < PEAK_ACCURACY * f)
     found = np.ones(2 * n, dtype=bool)
     found[row[~settled]] = False
-    np.minimum.at(least, row, f + change)
+    # The points themselves are only as good as 1 + |L|^2 - 2 |L| cos, which cancels near -1.
+    refined = np.full(2 * n, math.inf)
+    np.minimum.at(refined, row, f + change)
+    least = np.where(refined < math.inf, refined, least)
     return least[:n], least[n:], found[:n] & found[n:]
 
 
@@ -323,15 +335,16 @@ def _distance(shape: _Shape, v: Real, way: Real) -> tuple[Real, Real, Real]:
     turn = lead - w
     turn_rate = lead * (1 - 2 * bump) + 2 * w * shape.b * shape.c * x / zeros - w
     product: Real = np.ones(1)
-    for T in shape.lags:
-        bend = T * T * x
-        product = product * (1 + bend)
-        bend = bend / (1 + bend)
-        angle = w * T * (1 - bend)
+    for T, T2 in zip(shape.lags, shape.squares, strict=True):
+        bend = T2 * x
+        whole = 1 + bend
+        product = product * whole
+        bend = bend / whole
+        angle = w * T / whole
         rho, rho_rate = rho - bend, rho_rate - bend * (1 - bend)
         turn, turn_rate = turn - angle, turn_rate - angle * (1 - 2 * bend)
     r = np.exp(way * (shape.log_k - shape.order * v + 0.5 * np.log(zeros / product)))
-    above = shape.above(w)
+    above = shape.above(w, x)
     cos, sin = -np.cos(above), -np.sin(above)
     rho, rho_rate = way * rho, 2 * way * rho_rate
     slope = rho * (cos + r) - turn * sin

@@ -17,7 +17,7 @@ from loop.scan_batch import scan_margins
 __all__ = ["MarginBatch", "batch_margins"]
 
 # Loops at a time: their scans fit the cache and memory stays bounded.
-CHUNK = 256
+CHUNK = 512
 UNSTABLE = Margins(gain=0.0, gain_reduction=0.0, phase=0.0, delay=0.0, Ms=math.inf, Mt=math.inf)
 
 
