@@ -5,7 +5,7 @@ constants lie, and every slope is known in closed form.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -86,6 +86,20 @@ class FactoredLoop:
     zeros: Complex
     poles: Complex
     theta: float
+    _roots: Complex = field(init=False, repr=False)
+    _weights: Real = field(init=False, repr=False)
+    _turns: Real = field(init=False, repr=False)
+    _start: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        roots = np.concatenate([self.zeros, self.poles])
+        weights = np.concatenate([np.ones(self.zeros.size), -np.ones(self.poles.size)])
+        right = roots.real > 0
+        start = 0.0 if self.sign > 0 else -math.pi
+        object.__setattr__(self, "_roots", roots)
+        object.__setattr__(self, "_weights", weights)
+        object.__setattr__(self, "_turns", np.where(right, -weights, weights))
+        object.__setattr__(self, "_start", start + math.pi * float(np.sum(weights[right])))
 
     @classmethod
     def of(cls, process: Process, controller: PID, *, delay: float = 0.0) -> Self:
@@ -143,23 +157,30 @@ class FactoredLoop:
 
     def log_gain(self, w: Real) -> Real:
         """Logarithm of |L(jw)| at frequencies of shape (n,). [-]"""
-        return self.log_k + _log_sizes(w, self.zeros) - _log_sizes(w, self.poles)
+        return np.asarray(self.log_k + 0.5 * (np.log(self._offsets(w)[1]) @ self._weights))
 
     def phase(self, w: Real) -> Real:
         """Phase of L(jw) without jumps of 360°, at frequencies of shape (n,). [rad]
 
         Roots on the imaginary axis count as lying left of it.
         """
-        base = 0.0 if self.sign > 0 else -math.pi
-        return base + _angles(w, self.zeros) - _angles(w, self.poles) - w * self.theta
+        angles = np.arctan2(w[:, None] - self._roots.imag, np.abs(self._roots.real))
+        return np.asarray(self._start + angles @ self._turns - w * self.theta)
 
     def gain_slope(self, w: Real) -> Real:
         """Return d ln|L| / d ln w at frequencies of shape (n,). [-]"""
-        return _size_slopes(w, self.zeros) - _size_slopes(w, self.poles)
+        height, square = self._offsets(w)
+        return np.asarray(w * ((height / square) @ self._weights))
 
     def phase_slope(self, w: Real) -> Real:
         """Return d arg L / d ln w at frequencies of shape (n,). [rad]"""
-        return _angle_slopes(w, self.zeros) - _angle_slopes(w, self.poles) - w * self.theta
+        pull = (1 / self._offsets(w)[1]) @ (self._weights * self._roots.real)
+        return np.asarray(-w * (pull + self.theta))
+
+    def _offsets(self, w: Real) -> tuple[Real, Real]:
+        """Height of jw above each root, and their distance squared."""
+        height = w[:, None] - self._roots.imag
+        return height, np.maximum(height * height + self._roots.real**2, 1e-300)
 
     def response(self, w: Real) -> Complex:
         """L(jw) at frequencies of shape (n,); beyond 1e304 in size it is cut off. [-]"""
@@ -194,29 +215,3 @@ def _controller_factors(pid: PID) -> tuple[float, Complex, Complex]:
         log_k += math.log(lead) if lead else 0.0
         zeros = polynomial_roots((lead, 1.0) if lead else (1.0,))
     return log_k, zeros, np.array(poles, dtype=complex)
-
-
-def _offsets(w: Real, roots: Complex) -> tuple[Real, Real, Real]:
-    """Real part of each root, height of jw above it, and their distance squared."""
-    sigma, height = roots.real, w[:, None] - roots.imag
-    return sigma, height, np.maximum(sigma * sigma + height * height, 1e-300)
-
-
-def _log_sizes(w: Real, roots: Complex) -> Real:
-    return np.asarray(0.5 * np.sum(np.log(_offsets(w, roots)[2]), axis=1))
-
-
-def _angles(w: Real, roots: Complex) -> Real:
-    sigma, height, _ = _offsets(w, roots)
-    angles = np.arctan2(height, np.abs(sigma))
-    return np.asarray(np.sum(np.where(sigma > 0, math.pi - angles, angles), axis=1))
-
-
-def _size_slopes(w: Real, roots: Complex) -> Real:
-    _, height, square = _offsets(w, roots)
-    return np.asarray(w * np.sum(height / square, axis=1))
-
-
-def _angle_slopes(w: Real, roots: Complex) -> Real:
-    sigma, _, square = _offsets(w, roots)
-    return np.asarray(-w * np.sum(sigma / square, axis=1))
