@@ -11,6 +11,9 @@ from service.tables import AuditRow, LoopRow
 
 Body = dict[str, Any]
 
+# What is decided before the database is asked needs no second one.
+on_sqlite = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+
 
 def test_a_loop_is_stored_as_described(client: TestClient, tic101: Body) -> None:
     answer = client.get(f"/v1/loops/{tic101['id']}")
@@ -109,6 +112,7 @@ def test_a_tag_is_unique(client: TestClient) -> None:
         ({"gain": 1.0}, "body/gain", "Extra inputs are not permitted"),
     ],
 )
+@on_sqlite
 def test_a_wrong_field_is_named(
     client: TestClient, change: Body, pointer: str, detail: str
 ) -> None:
@@ -122,6 +126,7 @@ def test_a_wrong_field_is_named(
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e400"])
+@on_sqlite
 def test_a_number_that_is_not_finite_is_refused(client: TestClient, number: str) -> None:
     text = '{"tag": "A", "pv_low": 0, "pv_high": %s, "pv_unit": "", "action": "reverse",'
     text += ' "form": "isa", "time_unit": "s", "gain_basis": "eu"}'
@@ -134,6 +139,7 @@ def test_a_number_that_is_not_finite_is_refused(client: TestClient, number: str)
     assert answer.json()["errors"][0]["pointer"] == "body/pv_high"
 
 
+@on_sqlite
 def test_a_change_is_held_against_what_stays(client: TestClient, tic101: Body) -> None:
     address, headers = f"/v1/loops/{tic101['id']}", {"If-Match": '"1"'}
 
@@ -171,6 +177,7 @@ def test_loops_come_in_pages_by_tag(client: TestClient) -> None:
     assert _tags(client, area="nowhere") == []
 
 
+@on_sqlite
 def test_a_cursor_of_somebody_elses_is_refused(client: TestClient) -> None:
     for cursor in ("%%%", "AAAA", "_w", "Ä"):
         answer = client.get("/v1/loops", params={"cursor": cursor})
@@ -220,6 +227,7 @@ def test_a_failed_commit_is_an_error_answer_and_stores_nothing(
 
 
 @pytest.mark.parametrize(("role", "status"), [("viewer", 403), ("engineer", 201), ("admin", 201)])
+@on_sqlite
 def test_a_viewer_reads_and_an_engineer_writes(
     client_as: Callable[..., TestClient], role: str, status: int
 ) -> None:

@@ -22,6 +22,9 @@ from tuning.profiles import PROFILES
 from tuning.verification import verify
 
 Body = dict[str, Any]
+
+# What is decided before the database is asked needs no second one.
+on_sqlite = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
 HEATER = {"K": 2.0, "tau": 120.0, "theta": 30.0}
 ISA: Body = {
     "form": "isa",
@@ -101,6 +104,7 @@ def test_a_draft_holds_what_was_written_and_the_margins_of_its_model(
     assert sheet["decision"] is None
 
 
+@on_sqlite
 def test_margins_count_the_scan_time_and_the_pv_filter(
     anna: TestClient, tic101: Body, model_id: str
 ) -> None:
@@ -116,6 +120,7 @@ def test_margins_count_the_scan_time_and_the_pv_filter(
     assert sheet["evidence"]["passes"] == verdict.passes
 
 
+@on_sqlite
 def test_margins_from_the_client_are_not_taken(anna: TestClient, tic101: Body) -> None:
     answer = anna.post(
         f"/v1/loops/{tic101['id']}/sheets",
@@ -127,6 +132,7 @@ def test_margins_from_the_client_are_not_taken(anna: TestClient, tic101: Body) -
     assert draft(anna, tic101)["evidence"] is None
 
 
+@on_sqlite
 def test_settings_in_the_blocks_form_and_units_are_the_same_controller(
     client: TestClient, anna: TestClient, tic101: Body, model_id: str
 ) -> None:
@@ -177,6 +183,7 @@ def test_settings_in_the_blocks_form_and_units_are_the_same_controller(
         ({"form": "ideal"}, "body/settings", "does not match any of the expected tags"),
     ],
 )
+@on_sqlite
 def test_settings_that_are_no_controller_of_the_block_are_named(
     anna: TestClient, tic101: Body, change: Body, pointer: str, detail: str
 ) -> None:
@@ -207,6 +214,7 @@ def test_a_controller_that_its_own_model_says_is_unstable_is_not_stored(
     assert statuses(anna, tic101) == {}
 
 
+@on_sqlite
 def test_settings_without_an_isa_form_are_refused(
     client: TestClient, anna: TestClient, tic101: Body
 ) -> None:
@@ -321,6 +329,7 @@ def test_who_wrote_a_draft_may_not_approve_it(
     assert decide(client_as("approver", owner="Anna"), tic101, 1, "approve").status_code == 200
 
 
+@on_sqlite
 def test_a_site_may_allow_self_approval(
     held: Database, settings: Settings, tic101: Body, berta: TestClient
 ) -> None:
@@ -331,6 +340,7 @@ def test_a_site_may_allow_self_approval(
     assert decide(alone, tic101, 1, "approve").status_code == 200
 
 
+@on_sqlite
 def test_an_engineer_neither_approves_nor_rejects(anna: TestClient, tic101: Body) -> None:
     draft(anna, tic101)
 
@@ -554,6 +564,7 @@ def test_a_tuning_is_written_for_the_loops_block_and_can_be_drafted_as_it_is(
     assert sheet["evidence"]["margins"]["gain"] == pytest.approx(late.gain)
 
 
+@on_sqlite
 def test_another_entry_of_a_tuning_may_be_chosen(
     client: TestClient, tic101: Body, tuning_id: str
 ) -> None:
@@ -571,6 +582,7 @@ def test_another_entry_of_a_tuning_may_be_chosen(
     assert client.get(address, params={"tuning_id": tic101["id"]}).status_code == 404
 
 
+@on_sqlite
 def test_a_tuning_that_the_block_cannot_run_is_refused(
     client: TestClient, tic101: Body, tuning_id: str
 ) -> None:
@@ -586,6 +598,7 @@ def test_a_tuning_that_the_block_cannot_run_is_refused(
     assert "reverse acting" in other_way.json()["errors"][0]["detail"]
 
 
+@on_sqlite
 def test_every_profile_of_the_catalogue_can_be_asked_for(
     anna: TestClient, tic101: Body, model_id: str
 ) -> None:
