@@ -27,6 +27,15 @@ _DISGUISES = (
 _MARKUP = (b"<!doctype", b"<html", b"<?xml", b"<table")
 
 
+DAMAGE = (EOFError, zlib.error, zipfile.BadZipFile, gzip.BadGzipFile, OSError)
+
+
+def _damaged(error: Exception) -> ExportRefused:
+    return ExportRefused(
+        f"The file cannot be read to its end, it is damaged or cut off ({error}); export it again."
+    )
+
+
 class ReadsBytes(Protocol):
     """Anything that bytes can be read from."""
 
@@ -37,11 +46,17 @@ class ReadsBytes(Protocol):
 class LimitedReader:
     """Read bytes and refuse to read more than a limit, so that a bomb cannot go off."""
 
-    def __init__(self, raw: ReadsBytes, limit: int, *, unpacked: bool) -> None:
+    def __init__(self, raw: ReadsBytes, file: IO[bytes], limit: int, *, unpacked: bool) -> None:
         self._raw = raw
+        self._file = file
         self._limit = limit
         self._unpacked = unpacked
-        self.taken = 0
+        self._taken = 0
+
+    @property
+    def position(self) -> int:
+        """How far the file itself is read. [bytes]"""
+        return self._file.tell()
 
     def read(self, size: int) -> bytes:
         """Read up to `size` bytes.
@@ -55,13 +70,10 @@ class LimitedReader:
         """
         try:
             piece = self._raw.read(size)
-        except (EOFError, zlib.error, zipfile.BadZipFile, gzip.BadGzipFile, OSError) as error:
-            raise ExportRefused(
-                f"The file cannot be read to its end, it is damaged or cut off ({error}); "
-                "export it again."
-            ) from error
-        self.taken += len(piece)
-        if self.taken > self._limit:
+        except DAMAGE as error:
+            raise _damaged(error) from error
+        self._taken += len(piece)
+        if self._taken > self._limit:
             raise ExportTooLarge(self._limit, unpacked=self._unpacked)
         return piece
 
@@ -101,15 +113,15 @@ def opened(path: Path, limit: int) -> Iterator[tuple[LimitedReader, str]]:
             raise ExportRefused("The file is empty (0 bytes); export it again.")
         if start.startswith(b"\x1f\x8b"):
             with gzip.GzipFile(fileobj=file) as unpacked:
-                yield LimitedReader(unpacked, limit, unpacked=True), "gzip"
+                yield LimitedReader(unpacked, file, limit, unpacked=True), "gzip"
         elif start.startswith((b"PK\x03\x04", b"PK\x05\x06")):
             with _only_member(file) as (member, name):
-                yield LimitedReader(member, limit, unpacked=True), f"zip: {name}"
+                yield LimitedReader(member, file, limit, unpacked=True), f"zip: {name}"
         else:
             _refuse_disguise(start)
             if size > limit:
                 raise ExportTooLarge(limit, unpacked=False)
-            yield LimitedReader(file, limit, unpacked=False), "plain"
+            yield LimitedReader(file, file, limit, unpacked=False), "plain"
 
 
 def _refuse_disguise(start: bytes) -> None:
@@ -148,7 +160,10 @@ def _only_member(file: IO[bytes]) -> Iterator[tuple[IO[bytes], str]]:
                 "again without a password."
             ) from error
         with member:
-            start = member.read(1024)
+            try:
+                start = member.read(1024)
+                member.seek(0)
+            except DAMAGE as error:
+                raise _damaged(error) from error
             _refuse_disguise(start)
-            member.seek(0)
             yield member, names[0]

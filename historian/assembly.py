@@ -8,16 +8,15 @@ import numpy as np
 from historian.accounting import Accounting, Ledger
 from historian.errors import ExportRefused
 from historian.export import Export, LoopSamples, TagSignal, as_times
-from historian.loops import Membership, as_modes, find_members, held_on
+from historian.loops import Membership, as_codes, as_numbers, find_members, held_on
 from historian.options import Layout
 from historian.plan import Plan
 from historian.sentences import decisions_of, remarks
 from historian.series import Series, Spacing, in_order, spacing_of
-from historian.streams import Stream
-from historian.tag_map import Part, part_of
+from historian.streams import Stream, Values
+from historian.tag_map import Part
 from historian.timestamps import SECOND
 from historian.zones import to_utc, zone_named
-from loop.signals import Real
 
 
 class Assembly:
@@ -83,9 +82,7 @@ class Assembly:
     def _is_mode(self, tag: str) -> bool:
         if self._plan.assignment.long is None:
             return tag in self._modes
-        stated = self._plan.options.columns.mode
-        part = part_of(tag)
-        return tag == stated if stated is not None else part is not None and part.part is Part.MODE
+        return self._plan.is_mode_tag(tag)
 
     def _refuse_midnight(self, stream: Stream) -> None:
         back = np.flatnonzero(np.diff(stream.instants) < 0)
@@ -142,7 +139,7 @@ class Assembly:
     def _loop(self, member: Membership) -> LoopSamples:
         signals = {part: self._signals[tag] for part, tag in member.tags.items()}
         pv = signals[Part.PV]
-        values: dict[Part, Real] = {}
+        values: dict[Part, Values] = {}
         held: list[str] = []
         for part, signal in signals.items():
             values[part], moved = held_on(signal, pv.time)
@@ -153,10 +150,10 @@ class Assembly:
         return LoopSamples(
             tag=member.loop,
             time=pv.time,
-            pv=pv.value,
-            op=values[Part.OP],
-            sp=values.get(Part.SP),
-            mode=as_modes(values[Part.MODE]) if Part.MODE in values else None,
+            pv=as_numbers(pv.value),
+            op=as_numbers(values[Part.OP]),
+            sp=as_numbers(values[Part.SP]) if Part.SP in values else None,
+            mode=as_codes(values[Part.MODE]) if Part.MODE in values else None,
             pv_unit=options.pv_unit or pv.unit,
             op_unit=options.op_unit or signals[Part.OP].unit,
             tags={part.value: tag for part, tag in member.tags.items()},

@@ -9,7 +9,7 @@ from historian.plan import Plan
 from historian.quality import Scheme, is_bad_word, is_good, is_good_word, is_quality_word
 from historian.streams import Integers
 from loop.record import Mode
-from loop.signals import Flags, Real
+from loop.signals import Codes, Flags, Real
 
 NOT_A_NUMBER = "it is no number and no known word for a missing value"
 TOO_LARGE = "it is beyond any measurement (infinite or over 3.4e38)"
@@ -79,9 +79,9 @@ def blank_bad_quality(
     return np.where(bad, np.nan, values) if bad.any() else values
 
 
-def modes_of(plan: Plan, ledger: Ledger, words: Words, used: Flags) -> Real:
+def modes_of(plan: Plan, ledger: Ledger, words: Words, used: Flags) -> Codes:
     """Read a column of modes as numbers of `Mode`; what nothing explains is UNKNOWN."""
-    codes = np.full(len(words.words), float(Mode.UNKNOWN))
+    codes = np.full(len(words.words), Mode.UNKNOWN, dtype=np.int8)
     for place, word in enumerate(words.words):
         mode = mode_of(word, plan.options.mode_codes)
         if mode is not None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from historian.assignment import Signal, TimeColumns
 from historian.cell_kind import TIMES, Kind, kind_of
 from historian.errors import AmbiguousColumns, ColumnNotFound
-from historian.options import Columns, Layout, ReadOptions
+from historian.options import Columns, ReadOptions
 from historian.quality import is_good_word, plain_word
 from historian.table_shape import Table
 from historian.tag_map import Part, part_of, split_unit
@@ -161,17 +161,24 @@ class ColumnView:
     ) -> Signal:
         """Describe one tag; its name and unit come together."""
         tag, unit = name
-        mode = self.stated.mode
-        if mode is None:
-            part = part_of(tag)
-            is_mode = part is not None and part.part is Part.MODE
-        elif self.options.layout is Layout.PAIRS or isinstance(mode, str):
-            is_mode = str(mode).casefold() in {tag.casefold(), str(column + 1)}
-        else:
-            is_mode = mode == column + 1
         return Signal(
-            tag=tag, unit=unit, column=column, time=time, quality=quality, is_mode=is_mode
+            tag=tag,
+            unit=unit,
+            column=column,
+            time=time,
+            quality=quality,
+            is_mode=self._is_mode(tag, column),
         )
+
+    def _is_mode(self, tag: str, column: int) -> bool:
+        stated = self.stated.mode
+        if stated is None:
+            part = part_of(tag)
+            return part is not None and part.part is Part.MODE
+        if str(stated).casefold() == tag.casefold():
+            return True
+        names = {self.table.names[column].casefold(), _plain_name(tag), str(column + 1)}
+        return str(stated).casefold() in names or _plain_name(str(stated)) == _plain_name(tag)
 
 
 def _plain_name(name: str) -> str:

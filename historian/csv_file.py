@@ -32,7 +32,7 @@ def read_export(
     options : ReadOptions
         Overrides of single decisions.
     progress : callable, optional
-        Told the number of unpacked bytes read so far.
+        Told how far the file, packed as it is, has been read. [bytes]
 
     Returns
     -------

@@ -135,12 +135,12 @@ def blocks(
     encoding : Encoding
         How bytes become text.
     progress : callable, optional
-        Told the number of bytes read so far.
+        Told how far the file is read. [bytes]
     """
     line, rest = 1, b""
     for piece in _ascii_pieces(reader, head.removeprefix(encoding.mark), encoding):
         if progress is not None:
-            progress(reader.taken)
+            progress(reader.position)
         cut = piece.rfind(b"\n") + 1
         if cut == 0:
             rest += piece

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from historian.accounting import Accounting
 from historian.errors import AmbiguousColumns, ColumnNotFound, ExportRefused
 from historian.options import Layout
-from historian.streams import Instants
+from historian.streams import Instants, Values
 from historian.timestamps import SECOND
 from loop.record import Record
 from loop.signals import Codes, Real
@@ -76,7 +76,7 @@ class TagSignal:
         UTC (or local time of unknown zone) as datetime64[ns], or elapsed seconds as float64;
         strictly increasing.
     value : ndarray, shape (n,)
-        Values, NaN for gaps; modes as numbers of `loop.record.Mode`.
+        Values, NaN for gaps; modes as int8 numbers of `loop.record.Mode`.
     is_mode : bool
         Whether the values are modes.
     """
@@ -84,7 +84,7 @@ class TagSignal:
     tag: str
     unit: str
     time: Times
-    value: Real
+    value: Values
     is_mode: bool
 
 

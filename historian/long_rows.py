@@ -11,8 +11,7 @@ from historian.cells import Cells, Words
 from historian.errors import ExportRefused
 from historian.instants import InstantReader
 from historian.plan import Plan
-from historian.streams import Instants, Integers, LineMap, Stream, joined
-from historian.tag_map import Part, part_of
+from historian.streams import GrowingArray, Instants, Integers, LineMap, Stream, Values
 from loop.signals import Flags, Real
 
 MOST_TAGS = 32_000
@@ -38,9 +37,9 @@ class LongRows:
         self._ledger = ledger
         self._instants = instants
         self._tags: dict[str, int] = {}
-        self._codes: list[npt.NDArray[np.int16]] = []
-        self._times: list[Instants] = []
-        self._values: list[Real] = []
+        self._codes: GrowingArray[npt.NDArray[np.int16]] = GrowingArray()
+        self._times: GrowingArray[Instants] = GrowingArray()
+        self._values: GrowingArray[Real] = GrowingArray()
         self._lines = LineMap()
 
     def append(self, cells: Cells) -> None:
@@ -127,11 +126,7 @@ class LongRows:
         return [(word, used & (words.places == place)) for place, word in enumerate(words.words)]
 
     def _is_mode(self, tag: str) -> bool:
-        stated = self._plan.options.columns.mode
-        if stated is not None:
-            return tag == stated
-        part = part_of(tag)
-        return part is not None and part.part is Part.MODE
+        return self._plan.is_mode_tag(tag)
 
     def _modes_set(self, values: Real, where: Flags, rows: Integers, odd: Words) -> Real:
         """Read the values of mode tags, numbers and words alike, as modes."""
@@ -171,15 +166,17 @@ class LongRows:
 
     def finished(self) -> list[Stream]:
         """Sort the samples apart by tag."""
-        if not self._codes:
-            return []
-        codes = joined(self._codes)
-        times, values = joined(self._times), joined(self._values)
+        codes, times, values = (
+            self._codes.finished(), self._times.finished(), self._values.finished(),
+        )  # fmt: skip
         order = np.argsort(codes, kind="stable")
         ends = np.searchsorted(codes[order], np.arange(len(self._tags) + 1))
         streams = []
         for tag, code in self._tags.items():
             rows = order[ends[code] : ends[code + 1]]
             if rows.size:
-                streams.append(Stream(times[rows], self._lines, {tag: values[rows]}, rows))
+                found: Values = values[rows]
+                if self._is_mode(tag):
+                    found = found.astype(np.int8)
+                streams.append(Stream(times[rows], self._lines, {tag: found}, rows))
         return streams

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from historian.errors import AmbiguousColumns, ColumnNotFound, ExportRefused
-from historian.export import TagSignal
+from historian.export import TagSignal, Times
 from historian.options import ReadOptions
+from historian.streams import Values
 from historian.tag_map import Part, group_by_loop, split_unit
 from loop.record import Mode
 from loop.signals import Codes, Real
@@ -127,23 +128,34 @@ def _tag_named(
     raise ColumnNotFound(part.value, tags, f"there is no column or tag {wanted!r} with values")
 
 
-def held_on(signal: TagSignal, time: np.typing.NDArray[np.generic]) -> tuple[Real, bool]:
+def held_on(signal: TagSignal, time: Times) -> tuple[Values, bool]:
     """Put a signal on other times by holding its last sample, as the historian stored it.
 
     Returns
     -------
     values : ndarray, shape (n,)
-        NaN before the first sample and through gaps.
+        NaN (or UNKNOWN) before the first sample and through gaps.
     held : bool
         Whether any time is not one of the signal's own.
     """
     if signal.time is time or np.array_equal(signal.time, time):
         return signal.value, False
+    if not signal.value.size:
+        if signal.is_mode:
+            return np.full(time.size, Mode.UNKNOWN, dtype=np.int8), True
+        return np.full(time.size, np.nan), True
     place = np.searchsorted(signal.time, time, side="right") - 1
-    values = np.where(place >= 0, signal.value[np.maximum(place, 0)], np.nan)
-    return values, True
+    gap = np.array(Mode.UNKNOWN if signal.is_mode else np.nan, dtype=signal.value.dtype)
+    return np.where(place >= 0, signal.value[np.maximum(place, 0)], gap), True
 
 
-def as_modes(values: Real) -> Codes:
-    """Turn held numbers of modes into codes; before the first sample the mode is unknown."""
-    return np.where(np.isnan(values), float(Mode.UNKNOWN), values).astype(np.int8)
+def as_numbers(values: Values) -> Real:
+    """Take values as numbers."""
+    return values.astype(np.float64, copy=False)
+
+
+def as_codes(values: Values) -> Codes:
+    """Take values as modes; numbers that no map explains are UNKNOWN."""
+    if values.dtype == np.int8:
+        return values.astype(np.int8, copy=False)
+    return np.full(values.size, Mode.UNKNOWN, dtype=np.int8)

@@ -8,6 +8,7 @@ from historian.numbers import NumberFormat
 from historian.options import ReadOptions
 from historian.quality import Scheme
 from historian.table_shape import Table
+from historian.tag_map import Part, part_of
 from historian.time_format import TimeFormat
 
 
@@ -43,6 +44,14 @@ class Plan:
     assignment: Assignment
     schemes: dict[int, Scheme]
     options: ReadOptions
+
+    def is_mode_tag(self, tag: str) -> bool:
+        """Tell whether a tag of a long file holds modes."""
+        stated = self.options.columns.mode
+        if stated is not None:
+            return tag.casefold() == str(stated).casefold()
+        part = part_of(tag)
+        return part is not None and part.part is Part.MODE
 
     def heading_of(self, column: int) -> str | None:
         """Heading of a column, None in a file without headings."""

@@ -190,9 +190,7 @@ def _stamp_source(
                 read_options=pa_csv.ReadOptions(
                     column_names=names, block_size=len(block.data) + 1, use_threads=False
                 ),
-                parse_options=pa_csv.ParseOptions(
-                    delimiter=table.delimiter, invalid_row_handler=lambda _: "skip"
-                ),
+                parse_options=pa_csv.ParseOptions(delimiter=table.delimiter),
                 convert_options=pa_csv.ConvertOptions(
                     check_utf8=False,
                     include_columns=[str(j) for j in columns],

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from historian.streams import Instants, Integers
+from historian.streams import Instants, Integers, Values
 from historian.timestamps import SECOND
-from loop.signals import Real
+from loop.record import Mode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,13 +28,13 @@ class Series:
     """
 
     instants: Instants
-    values: dict[str, Real]
+    values: dict[str, Values]
     duplicates: int
     conflicts: dict[str, int]
     disordered: bool
 
 
-def in_order(instants: Instants, values: dict[str, Real]) -> Series:
+def in_order(instants: Instants, values: dict[str, Values]) -> Series:
     """Sort rows by time and merge those of the same time.
 
     Of rows with the same time, each tag keeps its last value in the file that is not a gap.
@@ -42,9 +42,8 @@ def in_order(instants: Instants, values: dict[str, Real]) -> Series:
     values = dict(values)
     disordered, newest_first = False, False
     if instants.size > 1:
-        steps = np.diff(instants)
-        newest_first = bool(np.all(steps < 0))
-        disordered = not newest_first and bool(np.any(steps < 0))
+        newest_first = bool(np.all(instants[1:] < instants[:-1]))
+        disordered = not newest_first and bool(np.any(instants[1:] < instants[:-1]))
     if newest_first:
         instants = instants[::-1].copy()
         for tag in values:
@@ -55,7 +54,7 @@ def in_order(instants: Instants, values: dict[str, Real]) -> Series:
         for tag in values:
             values[tag] = values[tag][order]
     new = np.ones(instants.size, dtype=np.bool_)
-    new[1:] = np.diff(instants) != 0
+    new[1:] = instants[1:] != instants[:-1]
     duplicates = int(instants.size - np.count_nonzero(new))
     conflicts: dict[str, int] = {}
     if duplicates:
@@ -72,11 +71,13 @@ def in_order(instants: Instants, values: dict[str, Real]) -> Series:
     )
 
 
-def _merged(values: Real, starts: Integers) -> tuple[Real, int]:
-    """Take the last number of every group; count the others that differ from it."""
-    known = np.isfinite(values)
+def _merged(values: Values, starts: Integers) -> tuple[Values, int]:
+    """Take the last value of every group that is no gap; count the others that differ from it."""
+    modes = values.dtype == np.int8
+    known = values != Mode.UNKNOWN if modes else np.isfinite(values)
     last = np.maximum.reduceat(np.where(known, np.arange(values.size), -1), starts)
-    merged = np.where(last >= 0, values[np.maximum(last, 0)], np.nan)
+    gap = np.array(Mode.UNKNOWN if modes else np.nan, dtype=values.dtype)
+    merged = np.where(last >= 0, values[np.maximum(last, 0)], gap)
     sizes = np.diff(np.append(starts, values.size))
     conflicts = int(np.count_nonzero(known & (values != np.repeat(merged, sizes))))
     return merged, conflicts
@@ -111,14 +112,19 @@ def spacing_of(instants: Instants) -> Spacing:
     """Measure the spacing of rows in order."""
     if instants.size < 2:
         return Spacing(sample_time=0.0, irregular=False, gaps=0, longest_gap=0.0, span=0.0)
-    steps = np.diff(instants) / (SECOND if instants.dtype == np.int64 else 1)
-    usual = float(np.median(steps))
-    irregular = bool(np.count_nonzero(np.abs(steps - usual) > 0.5 * usual) * 10 > steps.size)
-    gaps = steps[steps > (10 if irregular else 1.5) * usual]
+    second = SECOND if instants.dtype == np.int64 else 1
+    steps = np.diff(instants)
+    lower, upper = (steps.size - 1) // 2, steps.size // 2
+    steps.partition((lower, upper))
+    usual = (float(steps[lower]) + float(steps[upper])) / 2
+    even = np.count_nonzero((steps >= 0.5 * usual) & (steps <= 1.5 * usual))
+    irregular = bool((steps.size - even) * 10 > steps.size)
+    limit = (10 if irregular else 1.5) * usual
+    longest = float(steps.max())
     return Spacing(
-        sample_time=usual,
+        sample_time=usual / second,
         irregular=irregular,
-        gaps=int(gaps.size),
-        longest_gap=float(gaps.max()) if gaps.size else 0.0,
-        span=float(instants[-1] - instants[0]) / (SECOND if instants.dtype == np.int64 else 1),
+        gaps=int(np.count_nonzero(steps > limit)),
+        longest_gap=longest / second if longest > limit else 0.0,
+        span=float(instants[-1] - instants[0]) / second,
     )

@@ -1,15 +1,17 @@
 """Rows that share their times, gathered block by block, with the line each one came from."""
 
+from collections import defaultdict
 from dataclasses import dataclass, field
-from typing import TypeAlias, TypeVar, cast
+from typing import Any, Generic, TypeAlias, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from loop.signals import Real
+from loop.signals import Codes, Real
 
 Integers: TypeAlias = npt.NDArray[np.int64]
 Instants: TypeAlias = Integers | Real
+Values: TypeAlias = Real | Codes
 Array = TypeVar("Array")
 
 
@@ -54,12 +56,12 @@ class Stream:
     rows : ndarray of int64, shape (n,), optional
         Which rows of the file these are; none for all of them.
     values : dict of str to ndarray, shape (n,)
-        Values by tag, NaN for gaps; modes as numbers of `Mode`.
+        Values by tag, NaN for gaps; modes as int8 numbers of `Mode`, UNKNOWN for gaps.
     """
 
     instants: Instants
     lines: LineMap
-    values: dict[str, Real]
+    values: dict[str, Values]
     rows: Integers | None = None
 
     def lines_of(self, rows: Integers) -> Integers:
@@ -67,31 +69,49 @@ class Stream:
         return self.lines.of(rows if self.rows is None else self.rows[rows])
 
 
+class GrowingArray(Generic[Array]):
+    """An array that takes block after block, with little more memory than it needs in the end."""
+
+    def __init__(self) -> None:
+        self._array: npt.NDArray[Any] = np.zeros(0, dtype=np.int64)
+        self._size = 0
+
+    def append(self, chunk: Array) -> None:
+        """Append a block; all blocks have the type of the first."""
+        block = cast("npt.NDArray[Any]", chunk)
+        size = self._size + block.size
+        if self._size == 0:
+            self._array = np.empty(size, dtype=block.dtype)
+        elif size > self._array.size:
+            self._array.resize(size + size // 8, refcheck=False)
+        self._array[self._size : size] = block
+        self._size = size
+
+    def finished(self) -> Array:
+        """Give the array away."""
+        array, self._array = self._array, np.zeros(0, dtype=np.int64)
+        array.resize(self._size, refcheck=False)
+        return cast("Array", array)
+
+
 @dataclass(slots=True)
 class GrowingStream:
-    """Chunks of one stream."""
+    """A stream that takes block after block."""
 
-    _instants: list[Instants] = field(default_factory=list)
-    _values: dict[str, list[Real]] = field(default_factory=dict)
+    _instants: GrowingArray[Instants] = field(default_factory=GrowingArray)
+    _values: defaultdict[str, GrowingArray[Values]] = field(
+        default_factory=lambda: defaultdict(GrowingArray)
+    )
     _lines: LineMap = field(default_factory=LineMap)
 
-    def append(self, instants: Instants, lines: Integers, values: dict[str, Real]) -> None:
+    def append(self, instants: Instants, lines: Integers, values: dict[str, Values]) -> None:
         """Append the rows of one block."""
         self._instants.append(instants)
         self._lines.extend(lines)
         for tag, chunk in values.items():
-            self._values.setdefault(tag, []).append(chunk)
+            self._values[tag].append(chunk)
 
     def finished(self) -> Stream:
-        """Join the chunks, letting go of those of a column as soon as they are joined."""
-        instants = joined(self._instants) if self._instants else np.zeros(0, dtype=np.int64)
-        values = {tag: joined(self._values.pop(tag)) for tag in list(self._values)}
-        return Stream(instants, self._lines, values)
-
-
-def joined(chunks: list[Array]) -> Array:
-    """Join chunks into one array and empty their list."""
-    arrays = cast("list[npt.NDArray[np.generic]]", chunks)
-    whole = cast("Array", np.concatenate(arrays)) if len(chunks) != 1 else chunks[0]
-    chunks.clear()
-    return whole
+        """Give the stream away."""
+        values = {tag: growing.finished() for tag, growing in self._values.items()}
+        return Stream(self._instants.finished(), self._lines, values)

@@ -14,8 +14,8 @@ from historian.instants import InstantReader
 from historian.long_rows import LongRows
 from historian.options import Layout
 from historian.plan import Plan
-from historian.streams import GrowingStream, Stream
-from loop.signals import Flags, Real
+from historian.streams import GrowingStream, Stream, Values
+from loop.signals import Flags
 
 
 class Walk:
@@ -68,7 +68,7 @@ class Walk:
             self._reject(group, cells, good, blank)
         else:
             self._ledger.rows_read[self._owner(group)] += good.size
-        values = {}
+        values: dict[str, Values] = {}
         for signal in group:
             whole = self._values(signal, cells, good)
             values[signal.tag] = whole if good.all() else whole[good]
@@ -114,7 +114,7 @@ class Walk:
             texts = partial(cells.time_text_at, column, rows)
             self._ledger.reject_rows(cells.lines[rows], owner, texts, reason)
 
-    def _values(self, signal: Signal, cells: Cells, used: Flags) -> Real:
+    def _values(self, signal: Signal, cells: Cells, used: Flags) -> Values:
         if signal.is_mode:
             return modes_of(self._plan, self._ledger, cells.words[signal.column], used)
         values = cells.numbers[signal.column]
