@@ -20,7 +20,9 @@ def test_every_file_holds_one_idea_under_a_name_that_tells_it() -> None:
         # 400 lines is the soft ceiling; what grows on past it holds a second idea.
         assert text.count("\n") <= 430, file
         assert file.stem not in NAMES_THAT_SAY_NOTHING, file
-        unfinished = re.search(r"\b(TODO|FIXME|XXX|raise NotImplementedError|pragma: no cover)\b", text)
+        unfinished = re.search(
+            r"\b(TODO|FIXME|XXX|raise NotImplementedError|pragma: no cover)\b", text
+        )
         assert unfinished is None, file
 
 
