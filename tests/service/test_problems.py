@@ -41,8 +41,8 @@ def every_error() -> list[type[Exception]]:
         kind = waiting.pop()
         waiting += kind.__subclasses__()
         # What only the command line says has an exit code, no page.
-        module = kind.__module__
-        ours = module.split(".")[0] in PACKAGES and not module.startswith(ON_THE_COMMAND_LINE)
+        place = kind.__module__
+        ours = place.split(".")[0] in PACKAGES and not place.startswith(ON_THE_COMMAND_LINE)
         if ours and kind not in (LoopError, ServiceError):
             found.append(kind)
     return found
