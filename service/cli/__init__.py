@@ -21,11 +21,13 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
-    command = typer.main.get_command(app_for(arguments))
+    arguments = arguments or ["--help"]
     try:
+        command = typer.main.get_command(app_for(arguments))
         code = command.main(arguments, prog_name="loopwright", standalone_mode=False)
     except typer.TyperException as error:
-        say(f"{error.format_message().rstrip('.')}. See: loopwright --help")
+        said = error.format_message().replace("Value error, ", "").rstrip(".")
+        say(f"{said}. See: {_asked_of(error)} --help")
         return error.exit_code
     except typer.Exit as end:
         return end.exit_code
@@ -38,6 +40,12 @@ def run(arguments: list[str]) -> int:
         say(sentence_for(error))
         return FAILED
     return code if isinstance(code, int) else ANSWERED
+
+
+def _asked_of(error: typer.TyperException) -> str:
+    """Name the command that was called wrongly."""
+    context = getattr(error, "ctx", None)
+    return "loopwright" if context is None else str(context.command_path)
 
 
 def say(sentence: str) -> None:

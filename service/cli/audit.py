@@ -9,7 +9,7 @@ from service.audit import actions
 from service.audit.chain import Verdict, verify_export
 from service.cli.installation import DataFolder, opened, settings_for
 
-app = typer.Typer(no_args_is_help=True)
+app = typer.Typer()
 BROKEN = 3
 
 

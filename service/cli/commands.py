@@ -28,13 +28,21 @@ COMMANDS = (
         "service.cli.identify:identify",
         "Identify the process behind a step test, with its errors and a verdict.",
     ),
-    Entry("demo", "service.cli.demo:demo", "Start the service with a small simulated plant to look at."),
+    Entry(
+        "demo",
+        "service.cli.demo:demo",
+        "Start the service with a small simulated plant to look at.",
+    ),
     Entry("serve", "service.cli.serve:serve", "Start the service."),
     Entry(
-        "migrate", "service.cli.migrate:migrate", "Bring the database to the state this version needs."
+        "migrate",
+        "service.cli.migrate:migrate",
+        "Bring the database to the state this version needs.",
     ),
     Entry("key", "service.cli.keys:app", "Create, list and revoke API keys."),
-    Entry("import", "service.cli.importing:import_export", "Store an export as a record of a loop."),
+    Entry(
+        "import", "service.cli.importing:import_export", "Store an export as a record of a loop."
+    ),
     Entry("sheet", "service.cli.sheets:app", "Show, compare, draft and approve loop sheets."),
     Entry("audit", "service.cli.audit:app", "Prove the audit trail intact, or take it away."),
 )
@@ -55,7 +63,6 @@ def app_for(arguments: list[str]) -> typer.Typer:
     app = typer.Typer(
         name="loopwright",
         help=HELP,
-        no_args_is_help=True,
         add_completion=False,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
@@ -64,7 +71,7 @@ def app_for(arguments: list[str]) -> typer.Typer:
         if entry.name == asked:
             _add(app, entry)
         else:
-            app.command(entry.name, help=entry.sentence)(_named_only)
+            app.command(entry.name, short_help=entry.sentence)(_named_only)
     return app
 
 
@@ -75,7 +82,7 @@ def _add(app: typer.Typer, entry: Entry) -> None:
     if isinstance(found, typer.Typer):
         app.add_typer(found, name=entry.name, help=entry.sentence)
     else:
-        app.command(entry.name)(found)
+        app.command(entry.name, short_help=entry.sentence)(found)
 
 
 def _named_only() -> None:

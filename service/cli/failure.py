@@ -19,8 +19,10 @@ def sentence_for(error: Exception) -> str:
     # Only now: commands without a server should not wait for the database libraries.
     from sqlalchemy.exc import DBAPIError
 
-    from service.errors import ServiceError
+    from service.errors import InvalidRequest, ServiceError
 
+    if isinstance(error, InvalidRequest):
+        return _one_line(" ".join(fault["detail"] for fault in error.errors))
     if isinstance(error, ServiceError):
         return _one_line(str(error))
     if isinstance(error, DBAPIError):

@@ -1,5 +1,6 @@
 """The installation a command works on: its settings, its database, and who acts."""
 
+import logging
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,15 +10,18 @@ from typing import Annotated, TypeAlias
 import typer
 from pydantic import ValidationError
 from sqlalchemy.exc import ArgumentError
+from sqlalchemy.orm import Session
 
 from service import database
 from service.actors import Actor, Role
 from service.database import Database
-from service.errors import Forbidden, NotAuthenticated, NotReady
+from service.errors import Forbidden, NotAuthenticated, NotFound, NotReady
 from service.keys.actions import actor_with_token
 from service.logs import configure_logging
+from service.loops.store import loop_with_tag
 from service.migration import assert_ready
 from service.settings import Settings
+from service.tables import LoopRow
 
 KEY = "LOOPWRIGHT_KEY"
 
@@ -75,6 +79,20 @@ def faults(error: ValidationError) -> list[str]:
 
 @contextmanager
 def opened(settings: Settings) -> Iterator[Database]:
+    """Hold the installation's database for one command, with its log on standard error.
+
+    Raises
+    ------
+    NotReady
+        There is none, or it needs a migration.
+    """
+    log_on_stderr()
+    with ready(settings) as held:
+        yield held
+
+
+@contextmanager
+def ready(settings: Settings) -> Iterator[Database]:
     """Hold the installation's database, if it is there and in the state this version needs.
 
     Raises
@@ -90,13 +108,19 @@ def opened(settings: Settings) -> Iterator[Database]:
                 "run 'loopwright migrate' to make a new one."
             ]
         )
-    configure_logging(as_json=False)
     held = Database.at(settings.url)
     try:
         assert_ready(held)
         yield held
     finally:
         held.engine.dispose()
+
+
+def log_on_stderr() -> None:
+    """Let a person read the log beside the answer: the new head of the audit trail above all."""
+    configure_logging(as_json=False)
+    # It tells at every look at the database which kind of database that is.
+    logging.getLogger("alembic").setLevel(logging.WARNING)
 
 
 def is_absent(settings: Settings) -> bool:
@@ -140,3 +164,17 @@ def acting(held: Database, needed: Role) -> Actor:
     if not actor.role.covers(needed):
         raise Forbidden(actor.role.value, needed.value)
     return actor
+
+
+def loop_tagged(session: Session, tag: str) -> LoopRow:
+    """Find a loop by its tag.
+
+    Raises
+    ------
+    NotFound
+        No loop has this tag.
+    """
+    row = loop_with_tag(session, tag)
+    if row is None:
+        raise NotFound("loop", tag)
+    return row

@@ -11,7 +11,7 @@ from service.cli.listing import moment, print_columns
 from service.keys import actions, store
 from service.keys.schemas import NewKey
 
-app = typer.Typer(no_args_is_help=True)
+app = typer.Typer()
 SERVER = Actor(owner="command line", role=Role.ADMIN)
 
 

@@ -8,7 +8,6 @@ from advice.display import digits, row_of, rule_name, settings_of
 from advice.facts import data_facts, gain_unit, model_facts
 from advice.tune import TuningCase
 from historian.export import Export
-from identification.identify import Identification
 
 COLUMNS = ("Rule", "Kc", "Ti s", "Td s", "GM dB", "PM °", "DM s", "Ms", "worst Ms", "±50 %")
 
@@ -60,7 +59,7 @@ def print_reading(out: Console, export: Export) -> None:
         out.print(f"  ... and {sum(rows.reasons.values()) - 5} more rejections", markup=False)
 
 
-def print_model(model: Identification, case: TuningCase, export: Export, *, title: str) -> None:
+def print_model(case: TuningCase, export: Export, *, title: str) -> None:
     """Print data and model alone."""
     out = _console()
     out.print(f"[bold]{title}[/bold]")
