@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from loop.bracket_solver import EXTREME, FINEST, solve_brackets
 from loop.factors import FactoredLoop
@@ -18,6 +19,8 @@ from loop.signals import Real
 POINTS_A_DECADE = 16
 # Decades below the lowest and above the highest corner where a loop is at its asymptote.
 ASYMPTOTE = 1e4
+# A slope bends by less than this between points, so one above it cannot vanish unseen.
+NEARLY_LEVEL = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +89,7 @@ def gain_cuts(loop: FactoredLoop) -> GainCuts:
         Open loop.
     """
     w = _scan(loop)
+    w = np.union1d(w, near_turns(w[None], loop.gain_slope(w)[None])[1])
     turns = _sign_changes(loop.gain_slope, w, EXTREME)
     w = np.union1d(w, turns)
     wc = _sign_changes(loop.log_gain, w)
@@ -103,7 +107,8 @@ def crossovers(loop: FactoredLoop, cuts: GainCuts) -> Crossovers:
         Its gain crossovers.
     """
     wc, turns = cuts.wc, cuts.turns
-    w = np.union1d(cuts.w, _sign_changes(loop.phase_slope, cuts.w, EXTREME))
+    w = np.union1d(cuts.w, near_turns(cuts.w[None], loop.phase_slope(cuts.w)[None])[1])
+    w = np.union1d(w, _sign_changes(loop.phase_slope, w, EXTREME))
     size, phase = np.abs(loop.log_gain(w)), loop.phase(w)
     ends = np.unique(
         np.concatenate([[0, w.size - 1], np.searchsorted(w, np.concatenate([wc, turns]))])
@@ -130,6 +135,35 @@ def _first_phase_crossover(loop: FactoredLoop, w: Real, phase: Real) -> float:
         lambda x: np.asarray(loop.phase(x) - level), np.array([left]), np.array([right])
     )
     return float(root[0])
+
+
+def near_turns(w: Real, slope: Real) -> tuple[npt.NDArray[np.intp], Real]:
+    """Find where a slope all but vanishes between points: two extremes may hide there.
+
+    Parameters
+    ----------
+    w : ndarray, shape (n, m)
+        Ascending frequencies. [rad/s]
+    slope : ndarray, shape (n, m)
+        Slopes over ln w.
+
+    Returns
+    -------
+    row, w : ndarray, shape (k,)
+        Lowest points of parabolas through three slopes each, in ln w, and their rows. [rad/s]
+    """
+    size = np.abs(slope)
+    left, middle, right = size[:, :-2], size[:, 1:-1], size[:, 2:]
+    row, at = np.nonzero((middle < NEARLY_LEVEL) & (middle < left) & (middle <= right))
+    three = row[:, None], at[:, None] + np.arange(3)
+    (v0, v1, v2), (s0, s1, s2) = np.log(w[three]).T, slope[three].T
+    apart = (v1 > v0) & (v2 > v1)
+    before = (s1 - s0) / np.where(apart, v1 - v0, 1.0)
+    after = (s2 - s1) / np.where(apart, v2 - v1, 1.0)
+    bend = after - before
+    bent = apart & (before * after < 0)
+    vertex = 0.5 * (v0 + v1) - 0.5 * (v2 - v0) * before / np.where(bent, bend, 1.0)
+    return row[bent], np.exp(vertex[bent])
 
 
 def _sign_changes(f: Callable[[Real], Real], w: Real, resolution: float = FINEST) -> Real:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from loop.batch import MarginBatch
 from loop.bracket_solver import EXTREME, FINEST, solve_brackets
-from loop.crossovers import ASYMPTOTE, POINTS_A_DECADE
+from loop.crossovers import ASYMPTOTE, POINTS_A_DECADE, near_turns
 from loop.lag_loops import LagLoops
 from loop.margins import LARGEST_LOG_GAIN
 from loop.signals import Flags, Real
@@ -69,8 +69,7 @@ def scan_margins(loops: LagLoops) -> MarginBatch:
     loops : LagLoops
         Open loops, shape (n,); each has more poles than zeros, or as many and dead time.
     """
-    axis = _start(loops)
-    axis = axis.with_points(_solve(loops, LagLoops.gain_slope, axis.w, EXTREME), cut=True)
+    axis = _with_turns(loops, LagLoops.gain_slope, _start(loops), cut=True)
     wc = _solve(loops, LagLoops.log_gain, axis.w)
     stable = _stable(loops, axis, wc)
     gain, gain_reduction = np.zeros(loops.size), np.zeros(loops.size)
@@ -80,7 +79,7 @@ def scan_margins(loops: LagLoops) -> MarginBatch:
         kept, axis, wc = _keep(stable, loops, axis, wc)
         phase[stable], delay[stable] = _phase_and_delay(kept, wc)
         axis = axis.with_points(wc, cut=True)
-        axis = axis.with_points(_solve(kept, LagLoops.phase_slope, axis.w, EXTREME), cut=False)
+        axis = _with_turns(kept, LagLoops.phase_slope, axis, cut=False)
         runs = _runs(kept, axis)
         gain[stable], gain_reduction[stable] = _gain(kept, runs)
         Ms[stable], Mt[stable] = _peaks(kept, axis, runs)
@@ -93,6 +92,15 @@ def scan_margins(loops: LagLoops) -> MarginBatch:
         Ms=Ms,
         Mt=Mt,
     )
+
+
+def _with_turns(
+    loops: LagLoops, slope: Callable[[LagLoops, Real], Real], axis: _Axis, *, cut: bool
+) -> _Axis:
+    """Sort in where a slope changes its sign."""
+    near = _Points(*near_turns(axis.w, slope(loops.columns(), axis.w)))
+    axis = axis.with_points(near, cut=False)
+    return axis.with_points(_solve(loops, slope, axis.w, EXTREME), cut=cut)
 
 
 def _keep(

@@ -207,6 +207,9 @@ def test_unstable_entries_hold_no_margin_and_never_nan() -> None:
     controllers = PIDBatch(Kc=np.array([1.0, 100.0, 1.0]), Ti=np.asarray(5.0), sign=[1, 1, -1])
     found = batch_margins(ProcessBatch.of(FOPDT(K=1, tau=5, theta=1)), controllers)
     np.testing.assert_array_equal(found.stable, [True, False, False])
+    assert not batch_margins(
+        ProcessBatch.of(FOPDT(K=1, tau=5, theta=1)), PIDBatch.of(PID(Kc=100, Ti=5))
+    ).stable
     for name, value in zip(NAMES, (0, 0, 0, 0, math.inf, math.inf), strict=True):
         np.testing.assert_array_equal(getattr(found, name)[1:], [value, value])
 
@@ -280,3 +283,10 @@ def test_every_corner_of_the_legal_range_agrees_with_the_scalar_on_stability() -
             assert not found.stable[i]
         else:
             assert found.stable[i]
+
+
+def test_a_batch_without_any_ordinary_loop_is_answered_too() -> None:
+    # Positive feedback with K Kc < 1, |L| < 1 everywhere: GM 2, Ms 2, Mt 1, all at w = 0.
+    found = batch_margins(ProcessBatch.of(FOPDT(K=-0.5, tau=1, theta=3)), PIDBatch.of(PID(Kc=1)))
+    assert (found.gain, found.Ms, found.Mt) == pytest.approx((2, 2, 1))
+    assert found.phase == math.inf

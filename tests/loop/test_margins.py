@@ -341,6 +341,16 @@ def test_all_crossovers_count() -> None:
     assert found.delay < turn[0] / crossings[0]
 
 
+def test_two_extremes_closer_than_the_points_of_the_scan_are_both_found() -> None:
+    # |L| of (1 + s)^2/(s (1 + s/q)^2) is level at w = sqrt 3 for q = 3, and has a bump beyond.
+    for q, turns in ((3 * (1 - 1e-5), 0), (3 * (1 + 1e-5), 2)):
+        process = SOPDT(K=0.1, tau1=1 / q, tau2=1 / q, theta=0.1)
+        loop = FactoredLoop.of(process, PID(Kc=1, Ti=2, Td=0.5, N=math.inf))
+        found = gain_cuts(loop).turns
+        assert found.size == turns
+        np.testing.assert_allclose(found, math.sqrt(3), rtol=1e-2)
+
+
 def test_parameters_at_their_limits_give_numbers_without_a_warning() -> None:
     edge = (1e-9, 1.0, 1e9)
     stable = 0
