@@ -2,11 +2,13 @@
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import cache
 
 import structlog
-from fastapi import Depends, FastAPI
+from fastapi import APIRouter, Depends, FastAPI
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
+from starlette.routing import BaseRoute
 
 from service.access import Door
 from service.body_limit import BodyLimit
@@ -51,8 +53,6 @@ def create_app(settings: Settings | None = None, held: Database | None = None) -
         title="Loopwright",
         version="0.1.0",
         description="Loop tuning with its evidence: models, verified settings, versioned sheets.",
-        responses=PROBLEM_ANSWERS,
-        dependencies=[Depends(refuse_unknown_parameters)],
         docs_url=None,  # FastAPI's own pages load scripts from a CDN; ours works offline
         redoc_url=None,
         lifespan=lifespan,
@@ -70,9 +70,17 @@ def create_app(settings: Settings | None = None, held: Database | None = None) -
     app.state.settings = settings
     app.state.database = held
     app.state.metrics = metrics
-    for router in (*ROUTERS, *UPLOADS):
-        app.include_router(router)
+    app.router.routes.extend(_routes())
     add_problem_handlers(app)
     docs_page(app)
     describe(app)
     return app
+
+
+@cache
+def _routes() -> list[BaseRoute]:
+    """Include the features once: for every application anew it would take most of a second."""
+    router = APIRouter(dependencies=[Depends(refuse_unknown_parameters)], responses=PROBLEM_ANSWERS)
+    for feature in (*ROUTERS, *UPLOADS):
+        router.include_router(feature)
+    return router.routes

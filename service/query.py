@@ -13,6 +13,8 @@ async def refuse_unknown_parameters(request: Request) -> None:
     InvalidRequest
         The operation has no such parameter.
     """
+    if not request.query_params:
+        return
     path = getattr(request.scope.get("route"), "path", "")
     operations = request.app.openapi()["paths"].get(path, {})
     described = operations.get(request.method.lower(), {}).get("parameters", [])
