@@ -9,7 +9,6 @@ from typing import Annotated, TypeAlias
 
 import typer
 from pydantic import ValidationError
-from sqlalchemy.exc import ArgumentError
 from sqlalchemy.orm import Session
 
 from service import database
@@ -51,7 +50,7 @@ def settings_for(
     """
     stated = {"data": data, "host": host, "port": port}
     try:
-        settings = Settings.model_validate(
+        return Settings.model_validate(
             Settings().model_dump(exclude_unset=True)
             | {name: value for name, value in stated.items() if value is not None}
         )
@@ -59,14 +58,6 @@ def settings_for(
         raise typer.BadParameter(
             "; ".join(f"the setting {fault}" for fault in faults(error))
         ) from error
-    try:
-        _ = settings.url
-    except ArgumentError as error:
-        raise typer.BadParameter(
-            "the setting database_url is no address such as sqlite:///FILE or "
-            "postgresql+psycopg://USER:PASSWORD@HOST/NAME"
-        ) from error
-    return settings
 
 
 def faults(error: ValidationError) -> list[str]:
