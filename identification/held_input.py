@@ -7,6 +7,7 @@ time is. Nothing is discretised.
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Self, TypeAlias
 
 import numpy as np
@@ -19,6 +20,8 @@ Indices: TypeAlias = npt.NDArray[np.intp]
 # Time constants after which nothing is left (e^-100 = 4e-44); beyond, an exponential underflows,
 # which processors compute ten times slower.
 LONGEST = 100.0
+# With so few moves within a stretch of samples it is quicker to work from move to move.
+FEW = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,7 +45,7 @@ class HeldInput:
                 f"{self.instants.size} moves need {self.instants.size + 1} levels, "
                 f"got {self.levels.size}"
             )
-        if np.any(np.diff(self.instants) <= 0):
+        if (self.instants[1:] <= self.instants[:-1]).any():
             raise ValueError("moves must follow each other in time")
 
     @classmethod
@@ -121,8 +124,8 @@ def lag_response(
     theta: float,
     *,
     states: tuple[Real, Real] | None = None,
-    out: Real | None = None,
-) -> Real:
+    out: tuple[Real, Real, Real] | None = None,
+) -> tuple[Real, Real, Real]:
     """Answer a held input with the lag e^(-theta s)/(tau s + 1), exactly.
 
     x(t) = u_j + z_j e^(-(t - t_j - theta)/tau) between the moves j and j + 1.
@@ -139,44 +142,57 @@ def lag_response(
         Dead time; a negative one lets the answer precede the move. [s]
     states : tuple of ndarray, optional
         `lag_states(held, tau)`, where it is at hand.
-    out : ndarray, shape (3, n), optional
+    out : tuple of three ndarrays, shape (n,), optional
         Where to put the answer.
 
     Returns
     -------
-    response : ndarray, shape (3, n)
-        The answer x as a deviation from the level before the first move [OP], and its derivatives
+    x, d_tau, d_theta : ndarray, shape (n,)
+        The answer as a deviation from the level before the first move [OP], and its derivatives
         with respect to tau and theta [OP/s].
     """
     z, dz = states or lag_states(held, tau)
-    response = np.empty((3, t.size)) if out is None else out
-    x, d_tau, d_theta = response
+    x, d_tau, d_theta = out or (np.empty(t.size), np.empty(t.size), np.empty(t.size))
     arrivals = held.instants + theta
-    # Which move each sample follows; a stretch behind a single one needs no array for it.
-    first, last = np.searchsorted(arrivals, t[:: max(t.size - 1, 1)][:2], side="right")[[0, -1]]
-    if first == last:
-        behind: int | Indices = first
-        origin = arrivals[max(first - 1, 0)]
+    # The moves that each sample can follow, from the first to the last.
+    first = int(arrivals.searchsorted(t[0], side="right"))
+    last = int(arrivals.searchsorted(t[-1], side="right"))
+    edges = [0, *t.searchsorted(arrivals[first:last]).tolist(), t.size]
+    if last - first < FEW:
+        levels = held.levels - held.levels[0]
+        for k, (a, b) in enumerate(pairwise(edges), start=first):
+            part = (x[a:b], d_tau[a:b], d_theta[a:b])
+            if k == 0:  # nothing has arrived yet
+                for values in part:
+                    values.fill(0.0)
+            else:
+                _decay(t[a:b], arrivals[k - 1], tau, (z[k], dz[k], levels[k]), part)
     else:
-        edges = np.concatenate(([0], np.searchsorted(t, arrivals[first:last]), [t.size]))
-        behind = np.repeat(np.arange(first, last + 1), edges[1:] - edges[:-1])
+        behind = np.repeat(np.arange(first, last + 1), np.diff(edges))
         origin = arrivals[np.maximum(behind - 1, 0)]
-    age = t - origin
-    age /= tau
-    if first == 0:  # nothing has arrived yet: z is 0 there, whatever the age
-        np.maximum(age, 0.0, out=age)
-    if age[-1] > LONGEST or first != last:
-        np.minimum(age, LONGEST, out=age)
+        state = (z[behind], dz[behind], (held.levels - held.levels[0])[behind])
+        _decay(t, origin, tau, state, (x, d_tau, d_theta))
+    return x, d_tau, d_theta
+
+
+def _decay(
+    t: Real,
+    origin: Real | float,
+    tau: float,
+    state: tuple[Real, Real, Real],
+    out: tuple[Real, Real, Real],
+) -> None:
+    """Exponentials from distance, its derivative and the level aimed at, at their origins."""
+    x, d_tau, d_theta = out
+    z, dz, level = state
+    age = (t - origin) / tau
+    # Where nothing has arrived yet z is 0, whatever the age.
+    np.clip(age, 0.0, LONGEST, out=age)
     np.negative(age, out=x)
     np.exp(x, out=x)
-    if held.moves > 1:
-        np.multiply(x, dz[behind], out=d_tau)
-    x *= z[behind]
+    np.multiply(x, dz, out=d_tau)
+    x *= z
     np.divide(x, tau, out=d_theta)
     age *= d_theta
-    if held.moves > 1:
-        d_tau += age
-    else:
-        d_tau[:] = age
-    x += (held.levels - held.levels[0])[behind]
-    return response
+    d_tau += age
+    x += level

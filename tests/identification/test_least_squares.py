@@ -218,6 +218,20 @@ def test_two_readings_behind_a_move_leave_a_fit_without_numbers_that_are_not_num
     assert np.all(np.isfinite([*parameters(fit), *fit.standard_errors, fit.sse]))
 
 
+def test_averages_of_a_long_record_give_what_all_samples_give() -> None:
+    t = np.linspace(0, 1000, 12_000)
+    for seed in range(4):
+        pv = record(t, STAIRS, drift=1e-3, start=3.0, noise=0.5, seed=seed)
+        averaged = fopdt_least_squares(t, pv, STAIRS, drift=True, start=True)
+        every = fopdt_least_squares(t, pv, STAIRS, weight=np.ones(t.size), drift=True, start=True)
+        found = np.array([parameters(averaged), parameters(every)])
+        off = np.abs(found[0] - found[1]) / every.standard_errors
+        assert np.max(off) < 0.1
+        np.testing.assert_allclose(averaged.standard_errors, every.standard_errors, rtol=0.01)
+        assert averaged.noise_sd == pytest.approx(every.noise_sd, rel=2e-3)
+        np.testing.assert_allclose(averaged.sse, np.sum((averaged.predict(t) - pv) ** 2), rtol=4e-3)
+
+
 def test_buckets_keep_sums_and_start_anew_at_every_move() -> None:
     rng = np.random.default_rng(1)
     t, pv = np.arange(5000.0), rng.normal(size=5000)
