@@ -34,9 +34,8 @@ VALUES, MOST_VALUES = 100, 4000
 CLOSE = 1e-3
 # Readings for each averaged value from which on the last steps work on averages as well.
 WORTHWHILE = 20
-# Averages of neighbours that differ by 4 % of the time since an arrival move estimates by a tenth of a
-# standard error, but leave 1e-5 of the answer in the residual: no matter where noise is 100 times
-# that.
+# Averages over 4 % of the time since an arrival move an estimate by under a tenth of a standard
+# error, but leave 1e-5 of the answer in the residual: no matter where noise is 100 times that.
 NOISY = 1e-3
 # A time constant of 30 records cannot be told from an integrator, one of a fiftieth of a sample not
 # from none.
