@@ -108,7 +108,7 @@ class Picture:
         self._last = float(times[-1])
         self._hold(_Points(times, values[known], missing))
         if self._held_points > HELD_POINTS:
-            self._hold(_fewer(self._drop(), HELD_POINTS // 2))
+            self._hold(_fewer(self._drop(), HELD_POINTS // 5))
 
     def _hold(self, points: _Points) -> None:
         self._held.append(points)
@@ -140,16 +140,15 @@ class Picture:
 def _fewer(points: _Points, n: int) -> _Points:
     """Choose at most n points: the extremes, both sides of a few gaps, and a fair rest."""
     t, values = points.t, points.values
-    must = np.array([values.argmin(), values.argmax(), 0, t.size - 1])[:n]
+    chosen = np.zeros(t.size, np.bool_)
+    chosen[np.array([values.argmin(), values.argmax(), 0, t.size - 1])[:n]] = True
     behind = np.flatnonzero(points.cut[1:]) + 1
-    if 4 * behind.size <= n - must.size:
-        must = np.r_[must, behind - 1, behind]
-    must = np.unique(must)
-    rest = n - must.size
+    if 4 * behind.size <= n - 4:
+        chosen[behind - 1] = chosen[behind] = True
+    rest = n - int(np.count_nonzero(chosen))
     if rest >= FEWEST:
         # scaled, because the areas of triangles between huge values would overflow
         size = float(np.max(np.abs(values))) or 1.0
         chooser = MinMaxLTTBDownsampler()  # type: ignore[no-untyped-call]
-        found = chooser.downsample(t - t[0], values / size, n_out=rest)
-        must = np.union1d(must, found.astype(np.int64))
-    return points.chosen(must)
+        chosen[chooser.downsample(t - t[0], values / size, n_out=rest)] = True
+    return points.chosen(np.flatnonzero(chosen))

@@ -10,7 +10,7 @@ import itertools
 import random
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import date, datetime
@@ -103,7 +103,13 @@ class SampleStore:
         self._write_log = SampleLog(self._folder)
         sweep_staging(self._folder, older_than=dead_after)
 
-    def write(self, loop_id: str | UUID, samples: Samples | Iterable[Samples]) -> WriteResult:
+    def write(
+        self,
+        loop_id: str | UUID,
+        samples: Samples | Iterable[Samples],
+        *,
+        progress: Callable[[int], None] | None = None,
+    ) -> WriteResult:
         """Take in samples of a loop, all of them or none, and answer once they are on the disk.
 
         Of two values for one cell (a signal at an instant) the newer upload's stays, and within an
@@ -115,6 +121,8 @@ class SampleStore:
             Name of the loop in the store.
         samples : Samples or iterable of Samples
             The samples, in any order; many of them best come in chunks.
+        progress : callable, optional
+            Told how many rows are merged, once all have come in.
 
         Raises
         ------
@@ -131,25 +139,31 @@ class SampleStore:
                     for start in range(0, len(chunk), ROWS_AT_ONCE):
                         spool.add(rows_of(chunk, start, start + ROWS_AT_ONCE))
                 with self._writing:
-                    return self._take_in(loop, spool)
+                    return self._take_in(loop, spool, progress or (lambda _: None))
         except (OSError, DeltaError, pa.ArrowException) as error:
             if _is_full(error):
                 raise DiskFull from error
             raise
 
-    def _take_in(self, loop: str, spool: Spool) -> WriteResult:
+    def _take_in(self, loop: str, spool: Spool, progress: Callable[[int], None]) -> WriteResult:
         changes: dict[date, Change] = {}
         try:
-            self._commit_in_turn(loop, spool, changes)
+            self._commit_in_turn(loop, spool, changes, progress)
         except BaseException:
             self._forget(changes)
             raise
         return _result(spool, changes)
 
-    def _commit_in_turn(self, loop: str, spool: Spool, changes: dict[date, Change]) -> None:
+    def _commit_in_turn(
+        self,
+        loop: str,
+        spool: Spool,
+        changes: dict[date, Change],
+        progress: Callable[[int], None],
+    ) -> None:
         for attempt in range(ATTEMPTS):
             self._write_log.refresh()
-            self._work_out(loop, spool, changes)
+            self._work_out(loop, spool, changes, progress)
             with contextlib.suppress(CommitFailedError):
                 self._commit(loop, changes)
                 return
@@ -158,7 +172,13 @@ class SampleStore:
             time.sleep(random.uniform(0, wait))  # noqa: S311
         raise StoreBusy(ATTEMPTS)
 
-    def _work_out(self, loop: str, spool: Spool, changes: dict[date, Change]) -> None:
+    def _work_out(
+        self,
+        loop: str,
+        spool: Spool,
+        changes: dict[date, Change],
+        progress: Callable[[int], None],
+    ) -> None:
         """Bring the change of every day up to the version the log shows now."""
         days = spool.days()
         if not days:
@@ -177,6 +197,7 @@ class SampleStore:
                 discard(self._folder, changes.pop(day).add)
             rows = sorted_once(spool.of_day(day))
             changes[day] = change_day(self._folder, loop, day, rows, stored[day])
+            progress(sum(done.new + done.replaced + done.unchanged for done in changes.values()))
 
     def _commit(self, loop: str, changes: dict[date, Change]) -> None:
         add = [file for change in changes.values() for file in change.add]

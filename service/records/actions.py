@@ -17,7 +17,7 @@ from service.errors import InvalidRequest
 from service.loops.store import loop_with_id
 from service.plain_json import dump_strictly, plain
 from service.records import store
-from service.records.export import LoopExport, loop_export
+from service.records.export import LoopExport
 from service.records.receiving import Upload
 from service.records.schemas import UploadForm
 from service.tables import RecordRow
@@ -87,7 +87,7 @@ def store_samples(
             _must_be_free(session, upload.progress.record_id, same)
         if same is not None:
             return same
-        export = loop_export(
+        export = LoopExport(
             upload.path,
             upload.size,
             options=options,
@@ -97,7 +97,11 @@ def store_samples(
             progress=upload.progress,
         )
         try:
-            result = samples.write(loop_id, export.samples)
+            result = samples.write(
+                loop_id,
+                export.samples(),
+                progress=lambda done: upload.progress.tell("storing", done, export.rows),
+            )
         except ValueError as error:
             raise InvalidRequest("body/file", f"{error}.") from error
     return StoredSamples(decisions_sha256=decisions_sha256, export=export, result=result)
@@ -133,9 +137,9 @@ def add_record(
         file_name=upload.file_name,
         sha256=upload.sha256,
         bytes=upload.size,
-        decisions=stored.export.decisions,
+        decisions=stored.export.decisions(),
         decisions_sha256=stored.decisions_sha256,
-        accounting={**stored.export.accounting, "stored": changes},
+        accounting={**stored.export.accounting(), "stored": changes},
         samples=stored.export.rows,
         first_time=stored.result.first,
         last_time=stored.result.last,

@@ -1,56 +1,25 @@
 """From an uploaded file to the samples of one loop in UTC, with everything that was decided."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
-from historian.csv_file import read_export
 from historian.errors import ExportRefused
-from historian.export import Export, LoopSamples
+from historian.export import Export, LoopSamples, Times
+from historian.export_parts import RunningAccount, read_in_parts
 from historian.options import ReadOptions
-from historian.samples import Samples, Times
+from historian.samples import Samples
 from loop.record import Mode
 from service.plain_json import plain
 from service.records.progress import Progress
 
-ROWS_AT_ONCE = 250_000
 LONGEST = 200 * 365.25 * 86_400.0  # s
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopExport:
-    """The part of an export that belongs to one loop.
-
-    Attributes
-    ----------
-    decisions, accounting : dict
-        How the file was read and what became of every row, as JSON can say it.
-    rows : int
-        Number of samples.
-    samples : iterator of Samples
-        The samples, a part at a time.
-    """
-
-    decisions: dict[str, object]
-    accounting: dict[str, object]
-    rows: int
-    samples: Iterator[Samples]
-
-
-def loop_export(
-    path: Path,
-    size: int,
-    *,
-    options: ReadOptions,
-    tag: str | None,
-    loop_tag: str,
-    start: datetime | None,
-    progress: Progress,
-) -> LoopExport:
-    """Read an export and take one loop out of it.
+    """The part of an export that belongs to one loop, read while its samples are taken.
 
     Parameters
     ----------
@@ -69,31 +38,70 @@ def loop_export(
     progress : Progress
         Told how far it is.
 
-    Raises
-    ------
-    ExportRefused
-        The file is no export, the loop is not in it, or its instants are not known.
+    Attributes
+    ----------
+    rows : int
+        Samples so far.
     """
-    export = read_export(path, options=options, progress=progress.counter("reading", size))
-    loop = _loop_of(export, tag, loop_tag)
-    time = _in_utc(export, loop, start)
-    if not time.size:
-        raise ExportRefused("The loop has no sample with a time; there is nothing to store.")
-    decisions = _dictionary(export.decisions) | {
-        "loop": loop.tag,
-        "tags": dict(loop.tags),
-        "held": list(loop.held),
-        "start": None if start is None else start.isoformat(),
-        "pv_unit": loop.pv_unit,
-        "op_unit": loop.op_unit,
-        "other_loops": sorted(tag for tag in {*export.loops, *export.incomplete} - {loop.tag}),
-    }
-    return LoopExport(
-        decisions=decisions,
-        accounting=_dictionary(loop.accounting),
-        rows=time.size,
-        samples=_parts(time, loop, progress),
-    )
+
+    def __init__(
+        self,
+        path: Path,
+        size: int,
+        *,
+        options: ReadOptions,
+        tag: str | None,
+        loop_tag: str,
+        start: datetime | None,
+        progress: Progress,
+    ) -> None:
+        self.rows = 0
+        self._parts = read_in_parts(
+            path, options=options, progress=progress.counter("reading", size)
+        )
+        self._tag = tag
+        self._loop_tag = loop_tag
+        self._start = start
+        self._account = RunningAccount()
+        self._decisions: dict[str, object] = {}
+
+    def samples(self) -> Iterator[Samples]:
+        """Read the file and give the loop's samples, a part at a time.
+
+        Raises
+        ------
+        ExportRefused
+            The file is no export, the loop is not in it, or its instants are not known.
+        """
+        for part in self._parts:
+            loop = _loop_of(part, self._tag, self._loop_tag)
+            time = _in_utc(part, loop, self._start)
+            self._account.add(loop.accounting, loop.time)
+            self._decisions = self._decided(part, loop)
+            self.rows += time.size
+            if time.size:
+                yield _samples(time, loop)
+        if not self.rows:
+            raise ExportRefused("The loop has no sample with a time; there is nothing to store.")
+
+    def decisions(self) -> dict[str, object]:
+        """Tell how the file was read, as JSON can say it, after its samples were taken."""
+        return self._decisions
+
+    def accounting(self) -> dict[str, object]:
+        """Tell what became of every row, as JSON can say it, after its samples were taken."""
+        return _dictionary(self._account.total())
+
+    def _decided(self, part: Export, loop: LoopSamples) -> dict[str, object]:
+        return _dictionary(part.decisions) | {
+            "loop": loop.tag,
+            "tags": dict(loop.tags),
+            "held": list(loop.held),
+            "start": None if self._start is None else self._start.isoformat(),
+            "pv_unit": loop.pv_unit,
+            "op_unit": loop.op_unit,
+            "other_loops": sorted({*part.loops, *part.incomplete} - {loop.tag}),
+        }
 
 
 def _loop_of(export: Export, stated: str | None, loop_tag: str) -> LoopSamples:
@@ -120,7 +128,7 @@ def _in_utc(export: Export, loop: LoopSamples, start: datetime | None) -> Times:
                 "The file tells elapsed time only; state the instant of its time 0 with "
                 "start=2026-01-31T08:00:00Z."
             )
-        if np.max(np.abs(loop.time)) > LONGEST:
+        if loop.time.size and np.max(np.abs(loop.time)) > LONGEST:
             raise ExportRefused("The elapsed time runs over 200 years; check its unit.")
         origin = np.datetime64(start.astimezone(UTC).replace(tzinfo=None), "us")
         return origin + np.round(loop.time.astype(np.float64) * 1e6).astype("timedelta64[us]")
@@ -132,20 +140,14 @@ def _in_utc(export: Export, loop: LoopSamples, start: datetime | None) -> Times:
     return loop.time.astype("datetime64[us]")
 
 
-def _parts(time: Times, loop: LoopSamples, progress: Progress) -> Iterator[Samples]:
-    nothing = np.full(min(time.size, ROWS_AT_ONCE), np.nan)
-    unknown = np.full(min(time.size, ROWS_AT_ONCE), int(Mode.UNKNOWN), np.int8)
-    for first in range(0, time.size, ROWS_AT_ONCE):
-        part = slice(first, first + ROWS_AT_ONCE)
-        rows = time[part].size
-        yield Samples(
-            time=time[part],
-            pv=loop.pv[part],
-            sp=nothing[:rows] if loop.sp is None else loop.sp[part],
-            op=loop.op[part],
-            mode=unknown[:rows] if loop.mode is None else loop.mode[part],
-        )
-        progress.tell("storing", first + rows, time.size)
+def _samples(time: Times, loop: LoopSamples) -> Samples:
+    return Samples(
+        time=time.astype("datetime64[us]"),
+        pv=loop.pv,
+        sp=np.broadcast_to(np.nan, time.shape) if loop.sp is None else loop.sp,
+        op=loop.op,
+        mode=np.full(time.size, int(Mode.UNKNOWN), np.int8) if loop.mode is None else loop.mode,
+    )
 
 
 def _dictionary(value: object) -> dict[str, object]:

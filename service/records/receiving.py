@@ -7,6 +7,7 @@ cut off for a whole one.
 import contextlib
 import hashlib
 import re
+import shutil
 import time
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field
@@ -70,8 +71,15 @@ def uploads_folder(data: Path) -> Path:
     for path in folder.iterdir():
         with contextlib.suppress(FileNotFoundError):  # another process answers its request now
             if path.stat().st_mtime < dead:
-                path.unlink()
+                _remove(path)
     return folder
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
 
 
 async def received(
@@ -96,7 +104,11 @@ async def received(
     await run_in_threadpool(_must_exist, held, loop_id)
     folder = await run_in_threadpool(uploads_folder, request.app.state.settings.data)
     progress = Progress(folder, loop_id=loop_id, record_id=record_id or uuid4())
-    path = folder / f"{uuid4()}.part"
+    # A folder of its own, and always the same name: the reader takes a name for a tag from it
+    # where the file has none, and the same file must be read the same way again.
+    own = folder / str(uuid4())
+    own.mkdir()
+    path = own / "upload.csv"
     try:
         with path.open("xb", buffering=0) as file:
             form = _Form(_boundary(request))
@@ -110,7 +122,7 @@ async def received(
             progress=progress,
         )
     finally:
-        path.unlink(missing_ok=True)
+        _remove(own)
         progress.end()
 
 

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session, sessionmaker
 from starlette.types import Message
 
 from service.records import actions, receiving
-from service.records.export import loop_export
+from service.records.export import LoopExport
 from service.settings import Settings
 from service.tables import AuditRow, RecordRow
 
@@ -90,7 +90,7 @@ def test_its_progress_can_be_read_and_nobody_waits_for_it(
     client: TestClient, records: str, tic101: dict[str, Any], patch: pytest.MonkeyPatch
 ) -> None:
     record, seen = str(uuid4()), []
-    really = loop_export
+    really = LoopExport
 
     def watched(*arguments: Any, **options: Any) -> Any:
         options["progress"]._told = -1.0  # so that it is told at once
@@ -105,7 +105,7 @@ def test_its_progress_can_be_read_and_nobody_waits_for_it(
         seen.append(elsewhere.status_code)
         return really(*arguments, **options)
 
-    patch.setattr(actions, "loop_export", watched)
+    patch.setattr(actions, "LoopExport", watched)
     answer = send(client, records, id=record)
 
     pending = {"id": record, "loop_id": tic101["id"], "state": "pending"}
@@ -133,10 +133,13 @@ def test_what_killed_processes_left_is_swept_and_their_progress_forgotten(
     record = uuid4()
     note = {"loop_id": tic101["id"], "stage": "reading", "done": 1, "total": None}
     (folder / f"{record}.json").write_text(json.dumps(note))
-    young, dead = folder / "young.part", folder / "dead.part"
+    young, dead, note_of_dead = folder / "young", folder / "dead", folder / "dead.json"
     for path, age in ((young, 60.0), (dead, 100_000.0)):
-        path.write_bytes(b"half a file")
+        path.mkdir()
+        (path / "upload.csv").write_bytes(b"half a file")
         os.utime(path, (time.time() - age,) * 2)
+    note_of_dead.write_text("{}")
+    os.utime(note_of_dead, (time.time() - 100_000.0,) * 2)
 
     assert client.get(f"{records}/{record}").json()["progress"]["total"] is None
     os.utime(folder / f"{record}.json", (time.time() - 3600,) * 2)
@@ -144,6 +147,7 @@ def test_what_killed_processes_left_is_swept_and_their_progress_forgotten(
     assert send(client, records).status_code == 201
     assert young.exists()
     assert not dead.exists()
+    assert not note_of_dead.exists()
 
 
 def test_an_upload_that_is_cut_off_leaves_nothing(
