@@ -57,7 +57,10 @@ def with_loopwright(path: Path, layout: Layout) -> Delivery:  # noqa: ARG001 - i
     export = read_export(path, options=ReadOptions(time_zone="UTC"))
     return Delivery(
         signals={
-            tag: (signal.time.astype("datetime64[ns]", copy=False), signal.value)
+            tag: (
+                signal.time.astype("datetime64[ns]", copy=False),
+                signal.value.astype(np.float64, copy=False),
+            )
             for tag, signal in export.signals.items()
         },
         rejected=np.array([rejection.line for rejection in export.accounting.rejections]),

@@ -16,9 +16,11 @@ Loopwright beside its peers, measured in one run by `make bench` and written by 
 All run on one thread (OMP_NUM_THREADS=1) unless a table says otherwise. The ways to do the same
 work take turns, round after round, so that whatever else the machine does hits all alike. Times
 are processor time (on an idle machine the same as wall time), the median of the rounds with the
-shortest in brackets; through HTTP they are wall time. Every answer is checked:
-the error is printed beside the time. Where a peer cannot do the same work, it is given the
-nearest work that it can do, and a note says what is missing. Differences under 20 % are noise.
+shortest in brackets; through HTTP they are wall time. A load above the number of cores says that
+other programs ran meanwhile: caches and memory are then shared, and all times are longer. Every
+answer is checked, the error is printed beside the time. Where a peer cannot do the same work, it
+is given the nearest work that it can do, and a note says what is missing. Differences under 20 %
+are noise.
 """
 
 
@@ -83,8 +85,9 @@ def _places(results: Mapping[str, Result]) -> list[str]:
 
 
 def _verdicts(results: Mapping[str, Result]) -> str:
-    targets = [target for result in results.values() for target in result.section.targets]
-    missed = [f"- {target}" for target in targets if not target.met]
+    sections = [result.section for result in results.values()]
+    targets = [(section.title, target) for section in sections for target in section.targets]
+    missed = [f"- {title}: {target}" for title, target in targets if not target.met]
     counted = f"{len(targets) - len(missed)} of {len(targets)} targets are met."
     if not missed:
         return f"## Where it falls short\n\n{counted} The notes below the tables name the rest.\n"

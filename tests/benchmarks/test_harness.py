@@ -92,7 +92,7 @@ def test_the_page_puts_missed_targets_first_and_names_machine_and_versions() -> 
     result = Result(section=toy(MET, MISSED), surroundings=surroundings())
     written = page({"toy": result})
     assert "1 of 2 targets are met" in written
-    assert written.index("memory: 812 MB") < written.index("## Toy")
+    assert written.index("- Toy: memory: 812 MB") < written.index("## Toy")
     assert result.surroundings["processor"] in written
     assert f"numpy {np.__version__}" in written
 
