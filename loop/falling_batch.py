@@ -1,8 +1,8 @@
 """Margins of many ordinary loops at once: those whose gain falls all the way.
 
 Then there is one gain crossover, and the loop is stable exactly if the phase there is above -180°.
-The first phase crossover above it is reached by steps that cannot pass it. That no other lies below
-is proven between neighbouring points, and what cannot be proven is handed back to the full scan.
+The first phase crossover above it bounds the gain. That no other lies below is proven between
+neighbouring points, and what cannot be proven is handed back to the full scan.
 """
 
 import math
@@ -15,29 +15,34 @@ import numpy as np
 from loop.batch import MarginBatch
 from loop.lag_loops import LagLoops
 from loop.signals import Flags, Real
-from loop.stability import ON_THE_AXIS
+from loop.stability import ON_THE_AXIS, ROUNDING
 
 # Powers of time constants, in units of the dead time, stay far from overflow within these.
 LARGEST_RATIO = 1e8
 LARGEST_LOG_SQUARE = 55.0
 STEPS = 14
-SAFE_STEPS = 1
 CLOSE = 1e-7
 PEAK_ACCURACY, NEAR_PEAK = 1e-7, 1e-2
 # Below this part of the lowest corner |T| differs from its start by the fourth power at most.
 ASYMPTOTE = 3e-3
-BELOW = (np.arange(28, 0, -1) / 28) ** 2
-ABOVE = np.arange(17) / 15
+BELOW = (np.arange(28, 0, -1)[:, None] / 28) ** 2
+ABOVE = np.arange(17)[:, None] / 15
+FIRST_LOOK = np.arange(13)[:, None] / 12
 # Summits this close to the highest, point by point, might be the higher ones between them.
 RIVAL = 0.64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shape:
-    """Loops in units of their dead time, with |1 + b s + c s^2|^2 = 1 + beta x + c2 x^2."""
+    """Loops in units of their dead time, with |1 + b s + c s^2|^2 = 1 + beta x + c2 x^2.
+
+    `base` is the phase above -180° that the integrators leave. Frequencies run along the first
+    axis, loops along the last.
+    """
 
     log_k: Real
     order: Real
+    base: Real
     b: Real
     c: Real
     beta: Real
@@ -52,6 +57,7 @@ class _Shape:
         return cls(
             log_k=loops.log_k + loops.order * np.log(loops.theta),
             order=loops.order,
+            base=(1 - 0.5 * loops.order) * math.pi,
             b=b,
             c=c,
             beta=b * b - 2 * c,
@@ -65,6 +71,7 @@ class _Shape:
         return _Shape(
             change(self.log_k),
             change(self.order),
+            change(self.base),
             change(self.b),
             change(self.c),
             change(self.beta),
@@ -87,11 +94,6 @@ class _Shape:
     def above(self, w: Real, x: Real) -> Real:
         """Phase above -180° at w, x being its square. [rad]"""
         return self.lead(w, x) - self.lag(w) + self.base
-
-    @property
-    def base(self) -> Real:
-        """Phase above -180° that the integrators leave. [rad]"""
-        return (1 - 0.5 * self.order) * math.pi
 
     def lead_rate(self, x: Real, zeros: Real) -> Real:
         """Return d lead / dw, `zeros` being |1 + b s + c s^2|^2."""
@@ -136,8 +138,10 @@ def falling_margins(loops: LagLoops) -> tuple[MarginBatch, Flags]:
         proven[rows[crossed & (above < ON_THE_AXIS)]] = True
         kept = np.flatnonzero(crossed & (above >= ON_THE_AXIS))
         if kept.size:
+            if kept.size < rows.size:
+                shape, w, above = shape.arranged(lambda a: a[kept]), w[kept], above[kept]
             rows = rows[kept]
-            found = _stable_margins(shape.arranged(lambda a: a[kept]), w[kept], above[kept])
+            found = _stable_margins(shape, w, above)
             gain[rows], phase[rows], delay[rows], Ms[rows], Mt[rows], proven[rows] = found
             delay[rows] *= loops.theta[rows]
             stable[rows] = True
@@ -181,7 +185,6 @@ def _falls(loops: LagLoops) -> Flags:
 def _gain_crossover(shape: _Shape) -> tuple[Real, Flags]:
     """Solve |L| = 1 by Newton's method on the Bode plot; also whether that converged."""
     u = np.clip(2 * shape.log_k / np.maximum(shape.order, 1.0), -20.0, 20.0)
-    step = np.full(u.shape, math.inf)
     for _ in range(STEPS):
         x = np.exp(u)
         zeros = shape.zeros(x)
@@ -192,43 +195,47 @@ def _gain_crossover(shape: _Shape) -> tuple[Real, Flags]:
             product = product * (1 + bend)
             slope = slope - bend / (1 + bend)
         level = 2 * shape.log_k - shape.order * u + np.log(zeros / product)
-        step = np.clip(level / np.minimum(slope, -1e-6), -8.0, 8.0)
-        u = np.clip(u - step, -LARGEST_LOG_SQUARE, LARGEST_LOG_SQUARE)
-        if np.max(np.abs(step)) < CLOSE:
+        step = np.maximum(np.minimum(level / np.minimum(slope, -1e-6), 8.0), -8.0)
+        u = np.maximum(np.minimum(u - step, LARGEST_LOG_SQUARE), -LARGEST_LOG_SQUARE)
+        converged = np.abs(step) < CLOSE
+        if converged.all():
             break
-    return np.exp(0.5 * u), (np.abs(step) < CLOSE) & (np.abs(u) < LARGEST_LOG_SQUARE)
+    return np.exp(0.5 * u), converged & (np.abs(u) < LARGEST_LOG_SQUARE)
 
 
-def _phase_crossover(shape: _Shape, w: Real, above: Real) -> tuple[Real, Flags]:
-    """Solve for phase -180° upwards from the gain crossover; also whether that converged."""
-    change, x = above, w * w
-    for count in range(STEPS):
-        lag_rate = shape.lag_rate(x)
-        rate = lag_rate
-        if count >= SAFE_STEPS:
-            whole = lag_rate - shape.lead_rate(x, shape.zeros(x))
-            rate = np.where(whole > 0.05 * lag_rate, whole, lag_rate)
-        change = above / rate
-        w = np.maximum(w + change, 0.5 * w)
-        if np.max(np.abs(change) / w) < CLOSE:
-            break
+def _phase_crossover(shape: _Shape, w: Real) -> tuple[Real, Flags]:
+    """Solve for phase -180° upwards from the gain crossover; also whether that converged.
+
+    Zeros lead by 180° at most, so the dead time alone has passed -180° at `base` + pi.
+    """
+    looks = np.exp(np.log(w) + np.log(1.01 * (shape.base + math.pi) / w) * FIRST_LOOK)
+    above = shape.above(looks, looks * looks)
+    at = np.argmax(above < 0, axis=0), np.arange(w.size)
+    before = at[0] - 1, at[1]
+    part = above[before] / (above[before] - above[at])
+    w = looks[before] + part * (looks[at] - looks[before])
+    for _ in range(STEPS):
         x = w * w
-        above = shape.above(w, x)
-    return w, np.abs(change) < CLOSE * w
+        lag_rate = shape.lag_rate(x)
+        rate = lag_rate - shape.lead_rate(x, shape.zeros(x))
+        # Without the lead a step upwards never goes too far.
+        change = shape.above(w, x) / np.where(rate > 0.05 * lag_rate, rate, lag_rate)
+        w = np.maximum(w + change, 0.5 * w)
+        converged = np.abs(change) < CLOSE * w
+        if converged.all():
+            break
+    return w, converged
 
 
 def _stable_margins(
     shape: _Shape, w: Real, above: Real
 ) -> tuple[Real, Real, Real, Real, Real, Flags]:
     """Gain, phase and delay margin (in dead times), Ms, Mt, and whether they are proven."""
-    w180, converged = _phase_crossover(shape, w, above)
+    w180, converged = _phase_crossover(shape, w)
     u, u180 = 2 * np.log(w), 2 * np.log(w180)
     start = np.minimum(u, -2 * np.log(_longest(shape))) + 2 * math.log(ASYMPTOTE)
-    points = np.concatenate(
-        [u[:, None] - (u - start)[:, None] * BELOW, u[:, None] + (u180 - u)[:, None] * ABOVE],
-        axis=1,
-    )
-    S, T, size, clear = _on_points(shape.arranged(lambda a: a[:, None]), points)
+    points = np.concatenate([u - (u - start) * BELOW, u + (u180 - u) * ABOVE])
+    S, T, size, clear = _on_points(shape, points)
     Ms2, Mt2, found = _lowest(shape, points, S, T)
     k = np.exp(np.minimum(shape.log_k, 300.0))
     T0 = np.where(shape.order > 0, 1.0, k / (1 + k))
@@ -272,51 +279,51 @@ def _on_points(shape: _Shape, u: Real) -> tuple[Real, Real, Real, Flags]:
     # The last point lies beyond the crossover.
     here, there = slice(0, -2), slice(1, -1)
     rise = shape.b * (1 + shape.c * x)
-    falls = rise[:, there] < drop[:, there] * zeros[:, here]
-    climbs = rise[:, here] > drop[:, here] * zeros[:, there]
-    clear = falls | climbs | (lead[:, here] + base > lag[:, there])
+    falls = rise[there] < drop[there] * zeros[here]
+    climbs = rise[here] > drop[here] * zeros[there]
+    clear = falls | climbs | (lead[here] + base > lag[there])
     # Before the first point only lags act: the loop starts above -180° or rises from it.
-    order, start = shape.order[:, 0], drop[:, 0] * zeros[:, 0]
-    first = np.where(order < 2, base[:, 0] > lag[:, 0], shape.b[:, 0] > start)
-    return S, S / r2, r[:, -2], first & np.all(clear, axis=1)
+    first = np.where(shape.order < 2, base > lag[0], shape.b > drop[0] * zeros[0])
+    return S, S / r2, r[-2], first & clear.all(axis=0)
 
 
 def _lowest(shape: _Shape, points: Real, S: Real, T: Real) -> tuple[Real, Real, Flags]:
     """Least 1/|S|^2 and 1/|T|^2: a parabola through every deep dip, then Newton's method."""
-    n = points.shape[0]
-    values = np.concatenate([S, T])
-    least = np.min(values, axis=1)
-    inner = values[:, 1:-1]
-    dips = (inner < values[:, :-2]) & (inner <= values[:, 2:])
-    row, at = np.nonzero(dips & (RIVAL * inner <= least[:, None]))
-    loop = np.where(row < n, row, row - n)
-    three = at[:, None] + np.arange(3)
-    v, around = _vertices(points[loop[:, None], three], values[row[:, None], three])
-    shape = shape.arranged(lambda a: a[loop])
-    way = np.where(row < n, 1.0, -1.0)
+    n = points.shape[1]
+    values = np.concatenate([S, T], axis=1)
+    least = values.min(axis=0)
+    inner = values[1:-1]
+    dips = (inner < values[:-2]) & (inner <= values[2:]) & (RIVAL * inner <= least)
+    at, column = np.divmod(np.flatnonzero(dips), 2 * n)
+    loop = np.where(column < n, column, column - n)
+    three = at + np.arange(3)[:, None]
+    v, around = _vertices(points[three, loop], values[three, column])
+    part, way = shape.arranged(lambda a: a[loop]), np.where(column < n, 1.0, -1.0)
     for _ in range(STEPS):
-        f, slope, bend = _distance(shape, v, way)
-        step = -slope / np.where(bend > 0, bend, np.inf)
+        f, slope, bend = _distance(part, v, way)
+        step = -slope / np.where(bend > 0, bend, math.inf)
         # Along the step the slope falls to zero in a straight line.
         change = 0.5 * slope * step
-        v = v + np.clip(step, -around, around)
+        v = v + np.maximum(np.minimum(step, around), -around)
         settled = (bend > 0) & (np.abs(change) < PEAK_ACCURACY * f) & (np.abs(step) < NEAR_PEAK)
-        if np.all(settled):
+        if settled.all():
             break
-    found = np.ones(2 * n, dtype=bool)
-    found[row[~settled]] = False
-    # The points themselves are only as good as 1 + |L|^2 - 2 |L| cos, which cancels near -1.
+    # Without a dip |T| only falls from its start; the points themselves are no better than
+    # 1 + |L|^2 - 2 |L| cos, which cancels near -1.
+    settled &= f + change <= values[at + 1, column] + ROUNDING
     refined = np.full(2 * n, math.inf)
-    np.minimum.at(refined, row, f + change)
+    np.minimum.at(refined, column, f + change)
+    found = (refined < math.inf) | ((values[0] == least) & (np.arange(2 * n) >= n))
+    found[column[~settled]] = False
     least = np.where(refined < math.inf, refined, least)
     return least[:n], least[n:], found[:n] & found[n:]
 
 
 def _vertices(points: Real, values: Real) -> tuple[Real, Real]:
     """Lowest points of parabolas through three points each, in ln w, and half their width."""
-    left, v, right = 0.5 * points.T
-    before = (values[:, 1] - values[:, 0]) / (v - left)
-    after = (values[:, 2] - values[:, 1]) / (right - v)
+    left, v, right = 0.5 * points
+    before = (values[1] - values[0]) / (v - left)
+    after = (values[2] - values[1]) / (right - v)
     width = 0.5 * (right - left)
     return 0.5 * (left + v) - width * before / (after - before), width
 

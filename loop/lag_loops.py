@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 
 from loop.batch import PIDBatch, ProcessBatch
 from loop.factors import NEGLIGIBLE_TIME
@@ -65,8 +66,10 @@ class LagLoops:
         Ti = np.where(integral, Ti, 1.0)
         log_k = np.log(np.abs(processes.K)) + np.log(Kc) - np.log(Ti)
 
+        whole = np.zeros(shape)
+
         def flat(values: Real) -> Real:
-            return np.broadcast_to(values, shape).ravel()
+            return (values + whole).ravel()
 
         tauF = np.where(controllers.tauF > NEGLIGIBLE_TIME, controllers.tauF, 0.0)
         lags = (processes.tau1, processes.tau2, Tf, tauF)
@@ -85,13 +88,13 @@ class LagLoops:
         """Number of loops."""
         return int(self.sign.size)
 
-    def take(self, rows: "np.typing.NDArray[np.intp] | Flags") -> Self:
-        """Pick loops by index or flag; an index may repeat.
+    def take(self, rows: npt.NDArray[np.intp] | Flags | slice) -> Self:
+        """Pick loops by index, flag or range; an index may repeat.
 
         Parameters
         ----------
-        rows : ndarray
-            Indices or flags along the batch.
+        rows : ndarray or slice
+            Indices, flags or a range along the batch.
         """
         return type(self)(
             sign=self.sign[rows],

@@ -13,11 +13,13 @@ from loop.falling_batch import falling_margins
 from loop.lag_loops import LagLoops
 from loop.margins import Margins, loop_margins
 from loop.scan_batch import scan_margins
+from loop.signals import Real
 
 __all__ = ["MarginBatch", "batch_margins"]
 
 # Loops at a time: their scans fit the cache and memory stays bounded.
 CHUNK = 512
+NAMES = tuple(item.name for item in fields(MarginBatch))
 UNSTABLE = Margins(gain=0.0, gain_reduction=0.0, phase=0.0, delay=0.0, Ms=math.inf, Mt=math.inf)
 
 
@@ -45,31 +47,42 @@ def batch_margins(
         raise ValueError("sample_time must be 0 or positive and finite everywhere")
     shape = np.broadcast_shapes(processes.shape, controllers.shape, hold.shape)
     loops = LagLoops.of(processes, controllers, hold)
-    found = [
-        _margins(loops.take(np.arange(first, min(first + CHUNK, loops.size))))
-        for first in range(0, max(loops.size, 1), CHUNK)
-    ]
+    if loops.size <= CHUNK:
+        parts = [_margins(loops)]
+    else:
+        starts = range(0, loops.size, CHUNK)
+        parts = [_margins(loops.take(slice(first, first + CHUNK))) for first in starts]
+
+    def gather(name: str) -> Real:
+        columns = [getattr(part, name) for part in parts]
+        return (columns[0] if len(columns) == 1 else np.concatenate(columns)).reshape(shape)
+
     return MarginBatch(
-        **{
-            item.name: np.concatenate([getattr(part, item.name) for part in found]).reshape(shape)
-            for item in fields(MarginBatch)
-        }
+        stable=gather("stable").astype(bool),
+        gain=gather("gain"),
+        gain_reduction=gather("gain_reduction"),
+        phase=gather("phase"),
+        delay=gather("delay"),
+        Ms=gather("Ms"),
+        Mt=gather("Mt"),
     )
 
 
 def _margins(loops: LagLoops) -> MarginBatch:
     found, proven = falling_margins(loops)
+    if proven.all():
+        return found
     rest = np.flatnonzero(~proven)
-    if rest.size:
-        scanned = scan_margins(loops.take(rest))
-        for item in fields(MarginBatch):
-            getattr(found, item.name)[rest] = getattr(scanned, item.name)
+    part = loops.take(rest)
+    scanned = scan_margins(part)
+    for name in NAMES:
+        getattr(found, name)[rest] = getattr(scanned, name)
     # Without dead time a gain that never falls ends on the real axis: rare, and left to the scalar.
-    for row in np.flatnonzero((loops.theta == 0) & (loops.excess <= 0)):
+    for row in rest[(part.theta == 0) & (part.excess <= 0)]:
         one = _one(loops, int(row))
         found.stable[row] = one is not UNSTABLE
-        for item in fields(Margins):
-            getattr(found, item.name)[row] = getattr(one, item.name)
+        for name in NAMES[1:]:
+            getattr(found, name)[row] = getattr(one, name)
     return found
 
 

@@ -109,8 +109,9 @@ def test_a_batch_gives_what_each_loop_gives_alone(seed: int, spread: float) -> N
     assert 60 < stable < 160
 
 
-def test_loops_whose_gain_falls_get_what_the_full_scan_gives() -> None:
-    processes, controllers = random_batch(3, 6000)
+@pytest.mark.parametrize(("seed", "spread"), [(3, 1.0), (9, 2.5)])
+def test_loops_whose_gain_falls_get_what_the_full_scan_gives(seed: int, spread: float) -> None:
+    processes, controllers = random_batch(seed, 4000, spread)
     loops = LagLoops.of(processes, controllers, np.zeros(()))
     fast, proven = falling_margins(loops)
     assert 0.4 < np.mean(proven) < 0.6
@@ -290,3 +291,26 @@ def test_a_batch_without_any_ordinary_loop_is_answered_too() -> None:
     found = batch_margins(ProcessBatch.of(FOPDT(K=-0.5, tau=1, theta=3)), PIDBatch.of(PID(Kc=1)))
     assert (found.gain, found.Ms, found.Mt) == pytest.approx((2, 2, 1))
     assert found.phase == math.inf
+
+
+@pytest.mark.parametrize("Td", [0.0, 0.5])
+def test_integrators_without_any_lag_agree_with_the_scalar(Td: float) -> None:
+    Kc, integrators = np.array([[0.2], [0.5], [3.0]]), np.array([1, 2])
+    processes = ProcessBatch(
+        K=np.ones(()),
+        tau1=np.zeros(()),
+        tau2=np.zeros(()),
+        integrators=integrators,
+        theta=np.ones(()),
+    )
+    found = batch_margins(processes, PIDBatch(Kc=Kc, Ti=np.asarray(20.0), Td=np.asarray(Td)))
+    assert found.stable.any()
+    for i, j in np.ndindex(3, 2):
+        process = TransferFunction((1.0,), (1.0,) + (0.0,) * int(integrators[j]), 1.0)
+        try:
+            alone = margins(process, PID(Kc=float(Kc[i, 0]), Ti=20.0, Td=Td))
+        except UnstableLoop:
+            assert not found.stable[i, j]
+            continue
+        for name in NAMES:
+            assert getattr(found, name)[i, j] == pytest.approx(getattr(alone, name), rel=1e-10)
