@@ -59,7 +59,8 @@ def assert_ready(held: Database) -> None:
         It is not migrated, or a trigger that guards rows written once is missing.
     """
     newest = newest_revision()
-    with held.engine.connect() as connection:
+    with held.readings() as session:  # it waits for no writer
+        connection = session.connection()
         found = MigrationContext.configure(connection).get_current_revision()
         if found != newest:
             raise NotReady(

@@ -2,15 +2,16 @@
 
 from pathlib import Path
 
-from pydantic import Field
+from pydantic import Field, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 from sqlalchemy import URL, make_url
+from sqlalchemy.exc import ArgumentError
 
 
 class Settings(BaseSettings):
     """Settings of one installation; every field is an environment variable LOOPWRIGHT_<NAME>."""
 
-    model_config = SettingsConfigDict(env_prefix="LOOPWRIGHT_", frozen=True)
+    model_config = SettingsConfigDict(env_prefix="LOOPWRIGHT_", frozen=True, env_ignore_empty=True)
 
     data: Path = Field(
         Path("loopwright-data"),
@@ -32,6 +33,18 @@ class Settings(BaseSettings):
         False, description="Let the author of a draft approve it, for a site with one engineer."
     )
     log_json: bool = Field(True, description="Log one JSON object a line; otherwise plain text.")
+
+    @field_validator("database_url")
+    @classmethod
+    def _must_be_an_address(cls, text: str | None) -> str | None:
+        try:
+            make_url(text or "sqlite://")
+        except ArgumentError as error:
+            raise ValueError(
+                "the database's address must look like sqlite:///FILE or "
+                "postgresql://USER:PASSWORD@HOST/NAME"
+            ) from error
+        return text
 
     @property
     def url(self) -> URL:

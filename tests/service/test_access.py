@@ -149,6 +149,11 @@ def test_the_last_admin_key_cannot_be_revoked(client: TestClient) -> None:
     assert client.get("/v1/keys").json()["items"] == keys
 
 
+def test_a_key_that_is_not_there_cannot_be_revoked(client: TestClient) -> None:
+    assert client.delete("/v1/keys/000000000000").status_code == 404
+    assert client.delete("/v1/keys/nonsense").status_code == 422
+
+
 @pytest.mark.parametrize("role", ["viewer", "engineer", "approver"])
 @on_sqlite
 def test_only_an_admin_manages_keys(client_as: Callable[..., TestClient], role: str) -> None:

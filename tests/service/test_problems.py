@@ -3,12 +3,14 @@ import importlib
 import json
 import pkgutil
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from fastapi import APIRouter, FastAPI
+from fastapi.responses import StreamingResponse
 from fastapi.testclient import TestClient
 from hypothesis import given
 from hypothesis import strategies as st
@@ -209,6 +211,23 @@ def test_what_the_framework_refuses_is_a_problem_too(client: TestClient) -> None
         assert answer.headers["x-request-id"]
     assert method.headers["allow"] == "GET, POST"
     assert nested.headers["allow"] == "GET"
+
+
+@on_sqlite
+def test_half_an_answer_breaks_off_rather_than_looking_whole(app: FastAPI) -> None:
+    def pieces() -> Iterator[bytes]:
+        yield b"half"
+        raise RuntimeError("secret")
+
+    router = APIRouter()
+
+    @router.get("/half")
+    def half() -> StreamingResponse:
+        return StreamingResponse(pieces())
+
+    app.include_router(router)
+    with pytest.raises(RuntimeError):
+        TestClient(app).get("/half")
 
 
 @on_sqlite

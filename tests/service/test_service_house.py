@@ -3,21 +3,24 @@
 import ast
 import re
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy import text
+from sqlalchemy.dialects import sqlite
 from sqlalchemy.exc import DBAPIError, StatementError
 
+from service import openapi
 from service.app import create_app
 from service.database import Database
 from service.loops.schemas import LoopBody, LoopChanges, NewLoop, ProfileName
 from service.migration import assert_ready, migrate
 from service.openapi import OPENAPI, openapi_text
 from service.settings import Settings
-from service.tables import ModelRow, Table
+from service.tables import Instant, ModelRow, Table
 from tuning.profiles import PROFILES
 
 SERVICE = Path(__file__).parents[2] / "service"
@@ -41,6 +44,35 @@ def test_openapi_json_is_the_api(settings: Settings) -> None:
     app = create_app(settings, Database.at(settings.url))
 
     assert OPENAPI.read_text("utf-8") == openapi_text(app)
+
+
+def test_openapi_json_is_written_anew_by_one_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(openapi, "OPENAPI", tmp_path / "openapi.json")
+    openapi.main()
+
+    assert (tmp_path / "openapi.json").read_text("utf-8") == OPENAPI.read_text("utf-8")
+
+
+def test_a_misspelt_query_parameter_is_refused_not_ignored(client: TestClient) -> None:
+    answer = client.get("/v1/loops", params={"aera": "A1"})
+
+    assert answer.status_code == 422
+    assert answer.json()["errors"] == [
+        {
+            "pointer": "query/aera",
+            "detail": "This operation has no such parameter; "
+            "it takes archived, area, cursor, limit, tag, unit.",
+        }
+    ]
+    assert client.get("/health", params={"x": "1"}).status_code == 422
+    assert client.get("/docs", params={"x": "1"}).status_code == 200
+
+
+def test_a_time_without_its_zone_is_not_stored() -> None:
+    with pytest.raises(ValueError, match="must say its time zone"):
+        Instant().process_bind_param(datetime(2026, 11, 22), sqlite.dialect())  # noqa: DTZ001
 
 
 def test_every_change_through_the_api_declares_its_audit_action(
@@ -182,6 +214,28 @@ def test_health_tells_whether_the_service_can_work(anonymous: TestClient, held: 
     assert behind.headers["retry-after"] == "5"
 
 
+def test_health_waits_for_no_writer(anonymous: TestClient, held: Database) -> None:
+    with held.engine.begin() as connection:
+        connection.execute(text("UPDATE audit_head SET lines = lines + 1"))
+        assert anonymous.get("/health").status_code == 200
+
+
+def test_a_database_that_is_not_there_is_said_so(settings: Settings) -> None:
+    nowhere = Database.at("postgresql://nobody@127.0.0.1:1/nothing")
+    client = TestClient(create_app(settings, nowhere))  # not started: it would refuse
+
+    health = client.get("/health")
+    loops = client.get(
+        "/v1/loops", headers={"Authorization": "Bearer lw_" + "0" * 12 + "_" + "A" * 43}
+    )
+
+    assert nowhere.engine.driver == "psycopg"
+    for answer in (health, loops):
+        assert answer.status_code == 503
+        assert answer.json()["type"] == "/problems/database-unavailable"
+        assert "127.0.0.1" not in answer.text
+
+
 def test_metrics_count_requests_by_pattern_not_by_id(
     client: TestClient, tic101: dict[str, Any]
 ) -> None:
@@ -247,7 +301,11 @@ def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> 
     assert settings.allow_self_approval
     assert settings.url.get_backend_name() == "postgresql"
     assert "secret" not in str(Database.at(settings.url).engine.url)
-    assert Database.at(settings.url).engine.driver == "psycopg"
+    monkeypatch.setenv("LOOPWRIGHT_DATABASE_URL", "")
+    assert Settings().url.get_backend_name() == "sqlite"
+    monkeypatch.setenv("LOOPWRIGHT_DATABASE_URL", "my database")
+    with pytest.raises(ValueError, match="must look like sqlite:///FILE"):
+        Settings()
 
 
 @pytest.mark.parametrize(

@@ -200,6 +200,25 @@ def test_settings_that_are_no_controller_of_the_block_are_named(
     assert detail in fault["detail"]
 
 
+@on_sqlite
+def test_a_gain_beyond_every_plant_is_refused_in_words(
+    client: TestClient, anna: TestClient, tic101: Body
+) -> None:
+    address = f"/v1/loops/{tic101['id']}"
+    change = {"gain_basis": "percent", "pv_high": 1e-3}
+    client.patch(address, json=change, headers={"If-Match": '"1"'})
+    body = {"settings": ISA | {"Kc": 1e6}, "reason": "a slip\nof the keyboard"}
+
+    answer = anna.post(f"{address}/sheets", json=body)
+
+    assert answer.status_code == 422
+    (fault,) = answer.json()["errors"]
+    assert fault["pointer"] == "body/settings"
+    assert fault["detail"].startswith("Kc must lie within 1e-09 and 1e+09, got 100000000000")
+    bell = anna.post(f"{address}/sheets", json=body | {"reason": "ring\x07"})
+    assert bell.json()["errors"][0]["pointer"] == "body/reason"
+
+
 def test_a_controller_that_its_own_model_says_is_unstable_is_not_stored(
     anna: TestClient, tic101: Body, model_id: str
 ) -> None:
@@ -234,8 +253,9 @@ def test_what_is_linked_must_be_the_loops_own_and_carry_a_process(
     other = client.post("/v1/loops", json=_loop("TIC-102")).json()
     shared = {"loop_id": UUID(tic101["id"]), "reasons": [], "body": {}, "author": "Anna"}
     refused = ModelRow(kind=None, parameters=None, verdict="refused", **shared)
+    strange = ModelRow(kind="Relay", parameters={"Ku": 1.0}, verdict="trusted", **shared)
     with sessions.begin() as session:
-        session.add(refused)
+        session.add_all([refused, strange])
         session.flush()
         tuning = TuningRow(
             loop_id=UUID(tic101["id"]),
@@ -258,11 +278,14 @@ def test_what_is_linked_must_be_the_loops_own_and_carry_a_process(
     assert answer(other, model_id=model_id) == (404, "/problems/not-found")
     assert answer(tic101, tuning_id=none) == (404, "/problems/not-found")
     assert answer(tic101, model_id=str(refused.id)) == (422, "/problems/no-process")
+    assert answer(tic101, model_id=str(strange.id)) == (422, "/problems/no-process")
     assert answer(tic101, tuning_id=str(tuning.id)) == (422, "/problems/no-process")
     assert answer(tic101, tuning_id=str(tuning.id), model_id=model_id) == (
         422,
         "/problems/invalid-request",
     )
+    proposal = f"/v1/loops/{tic101['id']}/sheets/proposal"
+    assert client.get(proposal, params={"tuning_id": str(tuning.id)}).status_code == 404
 
 
 def test_an_approved_sheet_supersedes_the_one_before(
@@ -525,11 +548,12 @@ def tuning_id(sessions: sessionmaker[Session], tic101: Body) -> str:
     pid = _entry("imc", "PID", Kc=0.45, Ti=135.0, Td=13.3)
     p = _entry("simc", "P", Kc=1.0, Ti=None, Td=0.0, N=None)
     wide = _entry("wide", "PID", Kc=1.0, Ti=20.0, Td=13.3)
+    huge = _entry("huge", "PI", Kc=1e9, Ti=120.0, Td=0.0)
     row = TuningRow(
         loop_id=UUID(tic101["id"]),
         process={"kind": "FOPDT", **HEATER},
         profile="general",
-        body={"tunings": [pi, p, pid, wide]},
+        body={"tunings": [pi, p, pid, wide, huge]},
         recommended=pid,
         recommended_reason="passes",
         author="Anna",
@@ -593,6 +617,15 @@ def test_a_tuning_that_the_block_cannot_run_is_refused(
     client.patch(address, json={"form": "isa", "action": "direct"}, headers={"If-Match": '"2"'})
     other_way = client.get(f"{address}/sheets/proposal", params=params)
 
+    client.patch(
+        address,
+        json={"action": "reverse", "gain_basis": "percent", "pv_low": -1e6},
+        headers={"If-Match": '"3"'},
+    )
+    beyond = client.get(f"{address}/sheets/proposal", params=params | {"rule": "huge"})
+
+    assert beyond.status_code == 422
+    assert "beyond what a sheet can hold" in beyond.json()["errors"][0]["detail"]
     assert no_series.json()["type"] == "/problems/conversion-refused"
     assert other_way.status_code == 422
     assert "reverse acting" in other_way.json()["errors"][0]["detail"]
