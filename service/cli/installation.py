@@ -51,8 +51,7 @@ def settings_for(
     stated = {"data": data, "host": host, "port": port}
     try:
         return Settings.model_validate(
-            Settings().model_dump(exclude_unset=True)
-            | {name: value for name, value in stated.items() if value is not None}
+            {name: value for name, value in stated.items() if value is not None}
         )
     except ValidationError as error:
         raise typer.BadParameter(

@@ -8,6 +8,11 @@ from pathlib import Path
 import pytest
 import structlog
 from sqlalchemy import URL
+from sqlalchemy.orm import Session, sessionmaker
+
+from service.actors import Role
+from service.cli.installation import log_on_stderr
+from service.keys.actions import create_key
 
 Said = Callable[[], tuple[str, str]]
 
@@ -81,3 +86,21 @@ def sentence(said: Said) -> Callable[[], str]:
         return found[0]
 
     return spoken
+
+
+@pytest.fixture
+def acting_as(
+    either_database: URL,  # noqa: ARG001 - the keys are there
+    monkeypatch: pytest.MonkeyPatch,
+    sessions: sessionmaker[Session],
+) -> Callable[[str, str], str]:
+    """Put a new person's key into LOOPWRIGHT_KEY, and give its public part."""
+
+    def become(owner: str, role: str) -> str:
+        log_on_stderr()  # a command before the test itself left the log on another stream
+        with sessions.begin() as session:
+            row, token = create_key(session, owner=owner, role=Role(role))
+        monkeypatch.setenv("LOOPWRIGHT_KEY", token)
+        return row.id
+
+    return become
