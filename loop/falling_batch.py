@@ -27,7 +27,7 @@ PEAK_ACCURACY, NEAR_PEAK = 1e-7, 1e-2
 ASYMPTOTE = 3e-3
 BELOW = (np.arange(28, 0, -1)[:, None] / 28) ** 2
 ABOVE = np.arange(17)[:, None] / 15
-FIRST_LOOK = np.arange(13)[:, None] / 12
+FIRST_LOOK = np.arange(11)[:, None] / 10
 # Summits this close to the highest, point by point, might be the higher ones between them.
 RIVAL = 0.64
 
@@ -335,26 +335,27 @@ def _distance(shape: _Shape, v: Real, way: Real) -> tuple[Real, Real, Real]:
     """
     w = np.exp(v)
     x = w * w
-    zeros = shape.zeros(x)
-    bump = x * (shape.beta + 2 * shape.c2 * x) / zeros
-    rho, rho_rate = bump - shape.order, x * (shape.beta + 4 * shape.c2 * x) / zeros - bump * bump
-    lead = w * shape.lead_rate(x, zeros)
-    turn = lead - w
-    turn_rate = lead * (1 - 2 * bump) + 2 * w * shape.b * shape.c * x / zeros - w
-    product: Real = np.ones(1)
+    bw, cx, rise, peak = shape.b * w, shape.c * x, shape.beta * x, shape.c2 * x * x
+    zeros = 1 + rise + peak
+    bump = (rise + 2 * peak) / zeros
+    rho, rho_rate = bump - shape.order, (rise + 4 * peak) / zeros - bump * bump
+    pull = bw / zeros
+    lead = pull * (1 + cx)
+    turn, turn_rate = lead - w, lead * (1 - 2 * bump) + 2 * pull * cx - w
+    above = np.arctan2(bw, 1 - cx) - w + shape.base
     for T, T2 in zip(shape.lags, shape.squares, strict=True):
-        bend = T2 * x
+        bend, angle = T2 * x, T * w
+        above = above - np.arctan(angle)
         whole = 1 + bend
-        product = product * whole
-        bend = bend / whole
-        angle = w * T / whole
-        rho, rho_rate = rho - bend, rho_rate - bend * (1 - bend)
+        zeros = zeros / whole
+        bend, angle = bend / whole, angle / whole
+        rho, rho_rate = rho - bend, rho_rate - bend / whole
         turn, turn_rate = turn - angle, turn_rate - angle * (1 - 2 * bend)
-    r = np.exp(way * (shape.log_k - shape.order * v + 0.5 * np.log(zeros / product)))
-    above = shape.above(w, x)
+    r = np.exp(way * (shape.log_k - shape.order * v + 0.5 * np.log(zeros)))
     cos, sin = -np.cos(above), -np.sin(above)
     rho, rho_rate = way * rho, 2 * way * rho_rate
-    slope = rho * (cos + r) - turn * sin
-    bend = rho_rate * (cos + r) + rho * (rho * r - turn * sin) - turn_rate * sin - turn * turn * cos
+    toward, across = cos + r, turn * sin
+    slope = rho * toward - across
+    bend = rho_rate * toward + rho * (rho * r - across) - turn_rate * sin - turn * turn * cos
     f = (1 + r * cos) ** 2 + (r * sin) ** 2
     return f, 2 * r * slope, 2 * r * (bend + rho * slope)

@@ -45,7 +45,9 @@ class LagLoops:
     theta: Real
 
     @classmethod
-    def of(cls, processes: ProcessBatch, controllers: PIDBatch, delay: Real) -> Self:
+    def of(
+        cls, processes: ProcessBatch, controllers: PIDBatch, delay: Real, shape: tuple[int, ...]
+    ) -> Self:
         """Close the loops of a batch, flattened to shape (n,).
 
         Parameters
@@ -56,8 +58,9 @@ class LagLoops:
             Controllers.
         delay : ndarray
             Dead time on top of the processes' own. [s]
+        shape : tuple of int
+            Shape that all of them broadcast to.
         """
-        shape = np.broadcast_shapes(processes.shape, controllers.shape, delay.shape)
         Kc, Ti, Td = controllers.Kc, controllers.Ti, controllers.Td
         Td = np.where(Td > NEGLIGIBLE_TIME, Td, 0.0)
         Tf = Td / controllers.N

@@ -46,7 +46,7 @@ def batch_margins(
     if not np.all(np.isfinite(hold) & (hold >= 0)):
         raise ValueError("sample_time must be 0 or positive and finite everywhere")
     shape = np.broadcast_shapes(processes.shape, controllers.shape, hold.shape)
-    loops = LagLoops.of(processes, controllers, hold)
+    loops = LagLoops.of(processes, controllers, hold, shape)
     if loops.size <= CHUNK:
         parts = [_margins(loops)]
     else:

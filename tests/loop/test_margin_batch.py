@@ -112,7 +112,7 @@ def test_a_batch_gives_what_each_loop_gives_alone(seed: int, spread: float) -> N
 @pytest.mark.parametrize(("seed", "spread"), [(3, 1.0), (9, 2.5)])
 def test_loops_whose_gain_falls_get_what_the_full_scan_gives(seed: int, spread: float) -> None:
     processes, controllers = random_batch(seed, 4000, spread)
-    loops = LagLoops.of(processes, controllers, np.zeros(()))
+    loops = LagLoops.of(processes, controllers, np.zeros(()), processes.shape)
     fast, proven = falling_margins(loops)
     assert 0.4 < np.mean(proven) < 0.6
     rows = np.flatnonzero(proven)
