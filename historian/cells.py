@@ -2,7 +2,6 @@
 
 import csv
 from dataclasses import dataclass, field
-from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +10,7 @@ import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
 from historian.accounting import Ledger
+from historian.arrow_views import as_flags, as_floats, as_integers, equals, taken
 from historian.encoding import Block, text_of
 from historian.lines import clean_lines, ends_in_a_number
 from historian.numbers import LARGEST, without_denormals
@@ -75,11 +75,10 @@ class Cells:
 
     def is_time_text(self, column: int, rows: Places, text: str) -> Flags:
         """Tell in which of some rows a time cell holds exactly this text."""
-        cells = self.times[column].take(pa.array(rows))
+        cells = taken(self.times[column], rows)
         if pa.types.is_dictionary(cells.type):
             cells = cells.dictionary_decode()
-        trimmed = pc.ascii_trim_whitespace(cells)
-        return cast("Flags", pc.equal(trimmed, text).to_numpy(zero_copy_only=False))
+        return equals(pc.ascii_trim_whitespace(cells), text)
 
     def empty_in(self, column: int, used: Flags) -> int:
         """Count the empty cells of a number column in the rows that are used."""
@@ -195,20 +194,26 @@ class CellReader:
             cells.words[column] = self._words(_joined(table, column))
         for column in self._plan.time_columns:
             cells.times[column] = _joined(table, column)
-        unsure: dict[int, Flags] = {}
+        texts: list[int] = []
+        unsure: list[int] = []
+        gaps = np.zeros(len(lines), dtype=np.bool_)
         for column in self._plan.number_columns:
             array = _joined(table, column)
-            if pa.types.is_floating(array.type):
-                values = array.to_numpy(zero_copy_only=False)
-                if values.size and not np.abs(values).max() <= LARGEST:  # or NaN
-                    unsure[column] = ~(np.abs(values) <= LARGEST)
-                    values = values.copy()
-                cells.numbers[column] = values
-            else:
+            if not pa.types.is_floating(array.type):
+                texts.append(column)
                 cells.numbers[column] = np.full(len(lines), np.nan)
-                self._settle(cells, column, array, np.arange(len(lines)))
+                continue
+            values = as_floats(array)
+            if values.size and not np.abs(values).max() <= LARGEST:  # or NaN
+                gaps |= ~(np.abs(values) <= LARGEST)
+                unsure.append(column)
+            cells.numbers[column] = values
+        if texts:
+            self._read_texts(cells, texts, np.arange(len(lines)), table)
         if unsure:
-            self._look_again(cells, unsure, data, ends)
+            rows = np.flatnonzero(gaps)
+            again = self._parse_columns(_only_lines(data, ends, rows), unsure, numbers_as_text=True)
+            self._read_texts(cells, unsure, rows, again)
         for column, values in cells.numbers.items():
             settled, zeros = without_denormals(values)
             cells.numbers[column] = settled
@@ -219,66 +224,60 @@ class CellReader:
     def _words(self, array: pa.Array) -> Words:
         dictionary = array.dictionary.cast(pa.binary())
         words = [text_of(word, self._plan.encoding).strip() for word in dictionary.to_pylist()]
-        return Words(array.indices.to_numpy(zero_copy_only=False).astype(np.int64), words)
+        return Words(as_integers(array.indices), words)
 
-    def _look_again(
-        self, cells: Cells, unsure: dict[int, Flags], data: bytes, ends: Places
-    ) -> None:
-        """Read the rows with gaps once more, as text, to account for what stands in them."""
-        rows = np.flatnonzero(np.logical_or.reduce(list(unsure.values())))
-        part = _only_lines(data, ends, rows)
-        table = self._parse_columns(part, sorted(unsure), numbers_as_text=True)
-        for column, flags in unsure.items():
-            chosen = flags[rows]
-            texts = _joined(table, column).filter(pa.array(chosen))
-            self._settle(cells, column, texts, rows[chosen])
+    def _read_texts(self, cells: Cells, columns: list[int], rows: Places, table: pa.Table) -> None:
+        """Read number cells of some rows from their text, and list the odd ones."""
+        arrays = [_joined(table, column) for column in columns]
+        values, places, words = self._numbers_of(pa.concat_arrays(arrays))
+        for order, column in enumerate(columns):
+            first, end = order * rows.size, (order + 1) * rows.size
+            numbers = cells.numbers[column]
+            if not numbers.flags.writeable:
+                numbers = numbers.copy()
+            numbers[rows] = values[first:end]
+            cells.numbers[column] = numbers
+            cells.gaps.add(column)
+            here = (places >= first) & (places < end)
+            if here.any():
+                odd = Words(words.places[here], words.words)
+                cells.odd[column] = (rows[places[here] - first], odd)
 
-    def _settle(self, cells: Cells, column: int, texts: pa.Array, rows: Places) -> None:
-        """Read number cells from their text, exactly, and list the odd ones."""
-        cells.gaps.add(column)
-        values = cells.numbers[column]
+    def _numbers_of(self, texts: pa.Array) -> tuple[Real, Places, Words]:
+        """Read cells exactly; those that are neither number nor empty are returned as words."""
         texts = pc.ascii_trim_whitespace(texts)
-        readable = self._readable(texts)
-        numeric = readable.is_valid().to_numpy(zero_copy_only=False)
-        found = readable.drop_null().cast(pa.float64()).to_numpy(zero_copy_only=False)
-        values[rows[numeric]] = found
-        rest = np.flatnonzero(~numeric)
-        beyond = np.flatnonzero(numeric)[~(np.abs(found) <= LARGEST)]
-        words = self._words(
-            texts.take(pa.array(np.concatenate([rest, beyond]))).dictionary_encode()
-        )
-        rest_places = words.places[: rest.size]
-        left = np.ones(words.places.size, dtype=np.bool_)
+        texts, numeric = self._readable(texts)
+        values = np.full(len(texts), np.nan)
+        rows = np.flatnonzero(numeric)
+        values[rows] = as_floats(taken(texts, rows).cast(pa.float64()))
+        values[np.abs(values) > LARGEST] = np.nan
+        rest = np.flatnonzero(np.isnan(values))
+        words = self._words(taken(texts, rest).dictionary_encode())
+        odd = np.ones(rest.size, dtype=np.bool_)
         for place, word in enumerate(words.words):
             number = self._plan.numbers.read(word)
-            chosen = np.flatnonzero(rest_places == place)
-            if not word:
-                left[chosen] = False
-            elif number is not None and abs(number) <= LARGEST:
-                values[rows[rest[chosen]]] = number
-                left[chosen] = False
+            fits = number is not None and abs(number) <= LARGEST
+            if fits or not word:
+                where = words.places == place
+                values[rest[where]] = np.nan if number is None else number
+                odd &= ~where
             elif number is None and len(self._gap_words) < MOST_GAP_WORDS and word.isascii():
                 self._gap_words[word] = None
-        if left.any():
-            odd_rows = rows[np.concatenate([rest, beyond])[left]]
-            values[odd_rows] = np.nan
-            cells.odd[column] = (odd_rows, Words(words.places[left], words.words))
+        return values, rest[odd], Words(words.places[odd], words.words)
 
-    def _readable(self, texts: pa.Array) -> pa.Array:
-        """Rewrite numbers so that they can be cast; null where a cell is none."""
+    def _readable(self, texts: pa.Array) -> tuple[pa.Array, Flags]:
+        """Rewrite numbers so that they can be cast, and tell which cells are numbers."""
         numbers = self._plan.numbers
         if numbers.thousands:
             mark = "\\" + numbers.thousands
             grouped = rf"^[+-]?[0-9]{{1,3}}({mark}[0-9]{{3}})+([.,][0-9]*)?$"
             bare = pc.replace_substring(texts, numbers.thousands, "")
             texts = pc.if_else(_matches(texts, grouped), bare, texts)
-        pattern = _NUMBER
-        if numbers.decimal == ",":
-            pattern = _COMMA_NUMBER
-        fits = _matches(texts, pattern)
-        if numbers.decimal == ",":
-            texts = pc.replace_substring(texts, ",", ".")
-        return pc.if_else(fits, texts, pa.scalar(None, pa.string()))
+        if numbers.decimal != ",":
+            return texts, as_flags(_matches(texts, _NUMBER))
+        fits = _matches(texts, _COMMA_NUMBER)
+        pointed = pc.replace_substring(texts, ",", ".")
+        return pc.if_else(fits, pointed, texts), as_flags(fits)
 
 
 def _matches(texts: pa.Array, pattern: str) -> pa.Array:

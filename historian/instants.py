@@ -1,11 +1,10 @@
 """Read the time cells of a block: stamps, split date and time, day numbers, epochs, seconds."""
 
-from typing import cast
-
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from historian.arrow_views import as_floats, as_integers, lengths, taken
 from historian.assignment import TimeColumns
 from historian.cells import Cells
 from historian.numbers import LARGEST
@@ -74,8 +73,8 @@ class InstantReader:
         blank = np.zeros(len(cells), dtype=np.bool_)
         if not good.all():
             left = np.flatnonzero(~good)
-            trimmed = pc.ascii_trim_whitespace(cells.take(pa.array(left)))
-            blank[left] = pc.binary_length(trimmed).to_numpy(zero_copy_only=False) == 0
+            trimmed = pc.ascii_trim_whitespace(taken(cells, left))
+            blank[left] = lengths(trimmed) == 0
             instants[left], good[left] = reader.read(trimmed)
         return instants, good, blank
 
@@ -83,7 +82,7 @@ class InstantReader:
         if pa.types.is_dictionary(cells.type):
             return _spread(cells.indices, *self._numeric(cells.dictionary))
         cells = pc.ascii_trim_whitespace(cells)
-        blank = pc.binary_length(cells).to_numpy(zero_copy_only=False) == 0
+        blank = lengths(cells) == 0
         name = self._format.name
         if name in ELAPSED:
             numbers = _floats(cells, self._decimal) * ELAPSED[name]
@@ -107,7 +106,7 @@ def _spread(
     indices: pa.Array, instants: Instants, good: Flags, blank: Flags
 ) -> tuple[Instants, Flags, Flags]:
     """Give every row the time of its distinct cell."""
-    places = indices.to_numpy(zero_copy_only=False)
+    places = as_integers(indices)
     if good.all() and not blank.any():
         every = np.ones(places.size, dtype=np.bool_)
         return instants[places], every, np.zeros(places.size, dtype=np.bool_)
@@ -121,17 +120,17 @@ def _from_ticks(ticks: Real, per_second: int, blank: Flags) -> tuple[Integers, F
 
 def _integers(cells: pa.Array) -> Integers | None:
     try:
-        return cast("Integers", cells.cast(pa.int64()).to_numpy(zero_copy_only=False))
+        whole = cells.cast(pa.int64())
     except pa.ArrowInvalid:
         return None
+    return as_integers(whole)
 
 
 def _floats(cells: pa.Array, decimal: str) -> Real:
     """Read numbers, NaN where a cell is none."""
     if pa.types.is_dictionary(cells.type):
-        places = cells.indices.to_numpy(zero_copy_only=False)
-        different = _floats(cells.dictionary, decimal)
-        return cast("Real", different[places])
+        places = as_integers(cells.indices)
+        return _floats(cells.dictionary, decimal)[places]
     cells = pc.ascii_trim_whitespace(cells)
     if decimal == ",":
         cells = pc.replace_substring(cells, ",", ".")
@@ -142,4 +141,4 @@ def _floats(cells: pa.Array, decimal: str) -> Real:
             cells.cast(pa.binary()), r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
         )
         found = pc.if_else(fits, cells, pa.scalar(None, pa.string())).cast(pa.float64())
-    return cast("Real", found.to_numpy(zero_copy_only=False))
+    return as_floats(found)

@@ -37,9 +37,9 @@ class LongRows:
         self._ledger = ledger
         self._instants = instants
         self._tags: dict[str, int] = {}
-        self._codes: GrowingArray[npt.NDArray[np.int16]] = GrowingArray()
-        self._times: GrowingArray[Instants] = GrowingArray()
-        self._values: GrowingArray[Real] = GrowingArray()
+        self._codes: GrowingArray[npt.NDArray[np.int16]] = GrowingArray(plan.expected_rows)
+        self._times: GrowingArray[Instants] = GrowingArray(plan.expected_rows)
+        self._values: GrowingArray[Real] = GrowingArray(plan.expected_rows)
         self._lines = LineMap()
 
     def append(self, cells: Cells) -> None:

@@ -34,6 +34,8 @@ class Plan:
         What the codes of every quality column mean.
     options : ReadOptions
         What the user stated.
+    expected_rows : int
+        Rows that the length of the file and of its first lines lets expect; 0 if packed.
     """
 
     container: str
@@ -44,6 +46,7 @@ class Plan:
     assignment: Assignment
     schemes: dict[int, Scheme]
     options: ReadOptions
+    expected_rows: int
 
     def is_mode_tag(self, tag: str) -> bool:
         """Tell whether a tag of a long file holds modes."""

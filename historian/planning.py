@@ -64,7 +64,13 @@ def plan_for(path: Path, options: ReadOptions) -> Plan:
         assignment=assignment,
         schemes=_decide_schemes(table, assignment, options),
         options=options,
+        expected_rows=_expected_rows(path, head, encoding) if container == "plain" else 0,
     )
+
+
+def _expected_rows(path: Path, head: bytes, encoding: Encoding) -> int:
+    lines = head.count(b"\r" if encoding.line_end == "CR" else b"\n")
+    return int(path.stat().st_size / len(head) * (lines + 1) * 1.02)
 
 
 def _whole_lines(head: bytes, encoding: Encoding) -> str:

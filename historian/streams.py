@@ -1,6 +1,5 @@
 """Rows that share their times, gathered block by block, with the line each one came from."""
 
-from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeAlias, TypeVar, cast
 
@@ -70,18 +69,25 @@ class Stream:
 
 
 class GrowingArray(Generic[Array]):
-    """An array that takes block after block, with little more memory than it needs in the end."""
+    """An array that takes block after block, with little more memory than it needs in the end.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    expected : int
+        Elements to expect; what is never written takes no memory.
+    """
+
+    def __init__(self, expected: int = 0) -> None:
         self._array: npt.NDArray[Any] = np.zeros(0, dtype=np.int64)
         self._size = 0
+        self._expected = expected
 
     def append(self, chunk: Array) -> None:
         """Append a block; all blocks have the type of the first."""
         block = cast("npt.NDArray[Any]", chunk)
         size = self._size + block.size
         if self._size == 0:
-            self._array = np.empty(size, dtype=block.dtype)
+            self._array = np.empty(max(size, self._expected), dtype=block.dtype)
         elif size > self._array.size:
             self._array.resize(size + size // 8, refcheck=False)
         self._array[self._size : size] = block
@@ -94,21 +100,28 @@ class GrowingArray(Generic[Array]):
         return cast("Array", array)
 
 
-@dataclass(slots=True)
 class GrowingStream:
-    """A stream that takes block after block."""
+    """A stream that takes block after block.
 
-    _instants: GrowingArray[Instants] = field(default_factory=GrowingArray)
-    _values: defaultdict[str, GrowingArray[Values]] = field(
-        default_factory=lambda: defaultdict(GrowingArray)
-    )
-    _lines: LineMap = field(default_factory=LineMap)
+    Parameters
+    ----------
+    expected : int
+        Rows to expect.
+    """
+
+    def __init__(self, expected: int) -> None:
+        self._expected = expected
+        self._instants: GrowingArray[Instants] = GrowingArray(expected)
+        self._values: dict[str, GrowingArray[Values]] = {}
+        self._lines = LineMap()
 
     def append(self, instants: Instants, lines: Integers, values: dict[str, Values]) -> None:
         """Append the rows of one block."""
         self._instants.append(instants)
         self._lines.extend(lines)
         for tag, chunk in values.items():
+            if tag not in self._values:
+                self._values[tag] = GrowingArray(self._expected)
             self._values[tag].append(chunk)
 
     def finished(self) -> Stream:

@@ -12,6 +12,7 @@ from historian.tag_map import part_of
 
 DELIMITERS = (";", "\t", ",", "|")
 SAMPLE_LINES = 400
+KIND_LINES = 200
 _SECTION = re.compile(r"\s*\[(\w+)\][\s,;]*\Z")
 _COMMENT = re.compile(r"\s*(?:\*|//|#(?!N/A|VALUE!|REF!|NAME\?|NUM!|DIV/0!|NULL!))", re.IGNORECASE)
 
@@ -108,7 +109,7 @@ def find_table(text: str, options: ReadOptions) -> Table:
     first = options.first_line or _first_data_line(rows, width)
     header, others = _headers(rows, width, first, options)
     names = _names(header[1] if header else [], width)
-    data = tuple((n, row) for n, row in rows if n >= first and len(row) <= width)
+    data = tuple((n, row) for n, row in rows if n >= first and len(row) <= width)[:KIND_LINES]
     return Table(
         delimiter=delimiter,
         width=width,
@@ -182,7 +183,7 @@ def _decide_width(rows: list[Row]) -> int:
 
 def _first_data_line(rows: list[tuple[int, Row]], width: int) -> int:
     fitting = [(n, row) for n, row in rows if len(row) == width] or rows
-    tail = fitting[len(fitting) // 4 + (1 if 1 < len(fitting) < 8 else 0) :]
+    tail = fitting[len(fitting) // 4 + (1 if 1 < len(fitting) < 8 else 0) :][-KIND_LINES:]
     usual = [
         _usual_kind([kind_of(row[j]) for _, row in tail if j < len(row)]) for j in range(width)
     ]

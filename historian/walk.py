@@ -43,7 +43,7 @@ class Walk:
                 long.append(cells)
             return long.finished()
         groups = self._groups()
-        growing = [GrowingStream() for _ in groups]
+        growing = [GrowingStream(self._plan.expected_rows) for _ in groups]
         for cells in self._each(blocks):
             for group, stream in zip(groups, growing, strict=True):
                 self._append(stream, group, cells)
