@@ -38,10 +38,14 @@ def number(value: float | None) -> float | None:
 
 def numbers(values: Real) -> Json:
     """An array of any shape as nested JSON lists."""
-    held = np.asarray(values, dtype=object)
-    held[~np.isfinite(np.asarray(values, dtype=float))] = None
-    listed: Json = held.tolist()
-    return listed
+    finite = np.isfinite(values)
+    if finite.all():  # nearly always, and ten times faster
+        listed: Json = values.tolist()
+        return listed
+    held = values.astype(object)
+    held[~finite] = None
+    with_nulls: Json = held.tolist()
+    return with_nulls
 
 
 def process_body(process: Process) -> Body:
