@@ -15,8 +15,9 @@ from identification.held_input import LONGEST, HeldInput, lag_response, lag_stat
 from loop.signals import Real
 
 # A Gauss-Newton step s leaves an error of about s (s + 3 e), s and the standard error e relative to
-# tau; a hundredth of a standard error is nothing that data can tell.
-SMALL_ERROR = 0.01
+# tau; a hundredth of a standard error is nothing that data can tell. A step in theta also moves the
+# corner of the answer past a few noisy samples, which only a step of a few tenths leaves small.
+SMALL_ERROR, SMALL_STEP = 0.01, 0.3
 # Without noise the standard errors vanish; rounding then ends the iteration.
 ROUNDING = 1e-12
 MOST_STEPS = 60
@@ -59,7 +60,7 @@ class Problem:
     t: Real
     pv: Real
     weight: Real | None
-    spread: Real | None = None
+    spread: Real | None
     held: HeldInput
     drift: bool
     start: bool
@@ -97,7 +98,7 @@ def evaluate(problem: Problem, tau: float, theta: float) -> Point:
     products = _inner_products(problem, tau, theta)
     linear = 2 + problem.drift + problem.start
     gram, product, square = products[:-1, :-1], products[:-1, -1], float(products[-1, -1])
-    a = inverse(gram[:linear, :linear]) @ product[:linear]
+    a = _solve(gram[:linear, :linear], product[:linear])
     misfit = product - gram[:, :linear] @ a
     sse = square - float(a @ (product[:linear] + misfit[:linear]))
     # From columns to the Jacobian in K, pv0, drift, start, ln(tau), theta.
@@ -161,11 +162,16 @@ def _average(response: tuple[Real, Real, Real], spread: Real, tau: float) -> Non
     their mean.
     """
     x, d_tau, d_theta = response
-    more = spread / (2 * tau**2)
+    more = spread * (1 / (2 * tau**2))
     x += tau * more * d_theta
     more += 1.0
     d_tau *= more
     d_theta *= more
+
+
+def _solve(matrix: Real, right: Real) -> Real:
+    _, found, failed = dposv(matrix, right)
+    return inverse(matrix) @ right if failed else np.asarray(found)
 
 
 def inverse(matrix: Real) -> Real:
@@ -216,7 +222,8 @@ def descend(problem: Problem, tau: float, theta: float, close: float) -> tuple[P
         # Relative to tau, so that the two are alike.
         size = max(abs(float(step[-2])), abs(float(step[-1])) / point.tau)
         error, least = max(errors), min(errors)
-        if size <= max(close, ROUNDING) or size * (size + 3 * error) <= SMALL_ERROR * least:
+        enough = size * (size + 3 * error) <= SMALL_ERROR * least and size <= SMALL_STEP * least
+        if enough or size <= max(close, ROUNDING):
             break
         trial = evaluate(problem, *moved(problem, point, step))
         if trial.sse <= point.sse:

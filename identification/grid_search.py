@@ -42,9 +42,10 @@ def search(problem: Problem, spacing: float) -> list[tuple[float, float]]:
     fixed = np.swapaxes(q, 1, 2) @ y[:, None]
     rest = y[:, None] - q @ fixed
     x = _responses(held, t, taus, thetas)
-    inner = x @ (np.concatenate((q, rest), axis=2) * root[:, None])
+    onto = np.concatenate((q, rest), axis=2) * root[:, None]
+    inner = _each(x, onto)
     x *= x
-    size = x @ weight
+    size = _each(x, weight[None, :, None])[..., 0]
     # What a response adds to the fixed columns, and what of the data both explain. A response that
     # they nearly contain tells nothing, its own part is rounding.
     own = size - np.sum(inner[..., :-1] ** 2, axis=2)
@@ -56,6 +57,14 @@ def search(problem: Problem, spacing: float) -> list[tuple[float, float]]:
         found = np.flatnonzero(score == maximum_filter(score, 3))
         peaks = found[np.argsort(-score.flat[found])][:MOST_STARTS].tolist()
     return [(float(taus[i // thetas.size]), float(thetas[i % thetas.size])) for i in peaks]
+
+
+def _each(x: Real, columns: Real) -> Real:
+    """Inner products of all responses with columns that all taus share or that differ by tau."""
+    if len(columns) > 1:
+        return np.asarray(x @ columns)
+    flat = x.reshape(-1, x.shape[2]) @ columns[0]
+    return np.asarray(flat.reshape(*x.shape[:2], -1))
 
 
 def _dead_times(problem: Problem, spacing: float) -> Real:
@@ -74,7 +83,7 @@ def _merged(problem: Problem) -> tuple[Real, Real, Real]:
     """Times, values and weights of a few neighbours at a time."""
     t, y = problem.t, problem.pv - problem.pv_first
     weight = np.ones_like(t) if problem.weight is None else problem.weight
-    merge = t.size // (VALUES * (problem.held.moves + 1))
+    merge = round(t.size / (VALUES * (problem.held.moves + 1)))
     if merge < 2:
         return t, y, weight
     starts = np.arange(0, t.size, merge)
@@ -93,6 +102,13 @@ def _geometric(first: float, last: float, ratio: float) -> Real:
 
 def _responses(held: HeldInput, t: Real, taus: Real, thetas: Real) -> Real:
     """Responses for every tau and theta, shape (taus, thetas, samples). [OP]"""
+    if held.moves == 1:
+        age = np.maximum(t - held.instants[0] - thetas[:, None], 0.0)
+        x = age * (-1 / taus)[:, None, None]
+        np.maximum(x, -LONGEST, out=x)
+        np.exp(x, out=x)
+        x -= 1.0
+        return np.asarray(x)  # the sign is of no account: the gain takes it
     shifted = t - thetas[:, None]
     index = np.searchsorted(held.instants, shifted, side="right")
     age = shifted - held.instants[np.maximum(index - 1, 0)]

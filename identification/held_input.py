@@ -162,6 +162,8 @@ def lag_response(
         levels = held.levels - held.levels[0]
         for k, (a, b) in enumerate(pairwise(edges), start=first):
             part = (x[a:b], d_tau[a:b], d_theta[a:b])
+            if a == b:
+                continue
             if k == 0:  # nothing has arrived yet
                 for values in part:
                     values.fill(0.0)
@@ -185,14 +187,19 @@ def _decay(
     """Exponentials from distance, its derivative and the level aimed at, at their origins."""
     x, d_tau, d_theta = out
     z, dz, level = state
-    age = (t - origin) / tau
-    # Where nothing has arrived yet z is 0, whatever the age.
-    np.clip(age, 0.0, LONGEST, out=age)
-    np.negative(age, out=x)
-    np.exp(x, out=x)
-    np.multiply(x, dz, out=d_tau)
-    x *= z
-    np.divide(x, tau, out=d_theta)
-    age *= d_theta
-    d_tau += age
+    np.subtract(origin, t, out=x)
+    x *= 1 / tau
+    if isinstance(origin, np.ndarray) or x[-1] < -LONGEST:
+        # Where nothing has arrived yet z is 0, whatever the age.
+        np.clip(x, -LONGEST, 0.0, out=x)
+    np.exp(x, out=d_theta)
+    if isinstance(dz, np.ndarray) or dz != 0:
+        np.multiply(d_theta, dz, out=d_tau)
+        d_theta *= z * (1 / tau)
+        d_tau -= x * d_theta
+    else:
+        d_theta *= z * (1 / tau)
+        np.multiply(x, d_theta, out=d_tau)
+        np.negative(d_tau, out=d_tau)
+    np.multiply(d_theta, tau, out=x)
     x += level

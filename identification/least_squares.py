@@ -20,23 +20,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.condense import condense, condense_finely
+from identification.condense import Samples, condense
 from identification.gauss_newton import Bounds, Point, Problem, descend, inverse, moved
 from identification.grid_search import search
 from identification.held_input import HeldInput, lag_response
 from loop.errors import PoorExcitation
 from loop.signals import Real
 
-# Averaged values for each move in the search: neighbours differ by a tenth of the time since the
-# move over four decades of it. With very many moves the total is held down.
-VALUES, MOST_VALUES = 100, 4000
+# Averaged values for each move: neighbours differ by 4 % of the time since the move over four
+# decades of it. With very many moves the total is held down.
+VALUES, MOST_VALUES = 250, 5000
+# Such averages move an estimate by under a fifth of a standard error, worth it from so many
+# readings an average on. Noise must be above this part of the answer; and where an answer or an
+# unsteady start begins, an average must be narrow against tau and the corner that lies within it
+# off by less than this part of that average's error.
+WORTHWHILE, NOISY, NARROW, SHARP = 20, 1e-3, 0.1, 0.5
 # The first steps need no more than to start the last ones well.
 CLOSE = 1e-3
-# Readings for each averaged value from which on the last steps work on averages as well.
-WORTHWHILE = 20
-# Averages over 4 % of the time since an arrival move an estimate by under a tenth of a standard
-# error, but leave 1e-5 of the answer in the residual: no matter where noise is 100 times that.
-NOISY = 1e-3
 # A time constant of 30 records cannot be told from an integrator, one of a fiftieth of a sample not
 # from none.
 SLOWEST, FASTEST = 30.0, 0.02
@@ -169,12 +169,12 @@ def fopdt_least_squares(
         latest=max(t0 + span - float(held.instants[0]) - 2 * spacing, 0.0),
     )
 
-    def problem(t: Real, pv: Real, weight: Real | None, spread: Real | None = None) -> Problem:
+    def problem(samples: Samples) -> Problem:
         return Problem(
-            t=t,
-            pv=pv,
-            weight=weight,
-            spread=spread,
+            t=samples.t,
+            pv=samples.pv,
+            weight=samples.weight,
+            spread=samples.spread,
             held=held,
             drift=drift,
             start=start,
@@ -186,24 +186,37 @@ def fopdt_least_squares(
     few = condense(
         t, pv, held.instants, weight=weight, at_most=min(VALUES * (held.moves + 1), MOST_VALUES)
     )
-    averaged = problem(few.t, few.pv, few.weight)
-    starts = [descend(averaged, *found, CLOSE)[0] for found in search(averaged, spacing)]
-    point = min(starts, key=lambda reached: reached.sse)
-    tau, theta = point.tau, point.theta
-    if weight is None and t.size > WORTHWHILE * few.t.size:
-        arrivals = held.instants + theta
-        fine = condense_finely(t, pv, np.append(t0, arrivals) if start else arrivals)
-        averaged = problem(fine.t, fine.pv, fine.weight, fine.spread)
-        fit = _result(averaged, *descend(averaged, tau, theta, 0.0), t.size, fine.scatter)
-        if fit.noise_sd > NOISY * abs(fit.K) * float(held.levels.max() - held.levels.min()):
-            return fit
-        tau, theta = fit.tau, fit.theta
-    whole = problem(t, pv, weight)
-    return _result(whole, *descend(whole, tau, theta, 0.0), t.size, 0.0)
+    averaged = problem(few)
+    found = search(averaged, spacing)
+    if len(found) > 1:
+        reached = [descend(averaged, *start, CLOSE)[0] for start in found]
+        best = min(reached, key=lambda point: point.sse)
+        found = [(best.tau, best.theta)]
+    fit = _result(averaged, *descend(averaged, *found[0], 0.0), t.size, few.scatter)
+    if few.t.size == t.size or _averages_do(fit, few):
+        return fit
+    whole = problem(Samples(t=t, pv=pv, weight=weight))
+    return _result(whole, *descend(whole, fit.tau, fit.theta, 0.0), t.size, 0.0)
+
+
+def _averages_do(fit: LeastSquaresFit, few: Samples) -> bool:
+    """Whether a fit to averages is as good as one to all readings."""
+    if few.spread is None or few.weight is None or few.weight.mean() < WORTHWHILE:
+        return False
+    noise, jumps = fit.noise_sd, np.abs(np.diff(fit.held.levels))
+    if noise < NOISY * abs(fit.K) * float(jumps.max()):
+        return False
+    # A corner in the middle of an average of width w is off by its jump times w/(8 tau).
+    at = np.minimum(few.t.searchsorted(fit.held.instants + fit.theta), few.t.size - 1)
+    width = np.sqrt(12 * few.spread)
+    if np.max(width[at]) > NARROW * fit.tau or (fit.start_fitted and width[0] > NARROW * fit.tau):
+        return False
+    off = abs(fit.K) * jumps * width[at] / (8 * fit.tau)
+    return bool(np.all(off * np.sqrt(few.weight[at]) < SHARP * noise))
 
 
 def _result(
-    problem: Problem, point: Point, step: Real, values: int, scatter: float
+    problem: Problem, point: Point, step: Real, readings: int, scatter: float
 ) -> LeastSquaresFit:
     """Take the small last step in all parameters and state the errors.
 
@@ -219,10 +232,11 @@ def _result(
         if problem.start:
             slope -= linear[-1] / tau * np.exp(-(problem.t - problem.t0) / tau)
         sse -= float((problem.weight * problem.spread) @ slope**2)
-    freedom = values - step.size
+    sse = max(sse, 0.0)
+    freedom = readings - step.size
     # K, tau, theta, pv0, drift, start
     order = np.array([0, step.size - 2, step.size - 1, *range(1, step.size - 2)])
-    covariance = inverse(point.normal)[order[:, None], order] * (max(sse, 0.0) / freedom)
+    covariance = inverse(point.normal)[order[:, None], order] * (sse / freedom)
     covariance[1] *= tau
     covariance[:, 1] *= tau
     return LeastSquaresFit(
@@ -233,7 +247,7 @@ def _result(
         drift=drift,
         start=float(linear[-1]) if problem.start else 0.0,
         covariance=covariance,
-        sse=max(sse, 0.0),
+        sse=sse,
         freedom=freedom,
         t0=problem.t0,
         held=problem.held,

@@ -218,18 +218,29 @@ def test_two_readings_behind_a_move_leave_a_fit_without_numbers_that_are_not_num
     assert np.all(np.isfinite([*parameters(fit), *fit.standard_errors, fit.sse]))
 
 
-def test_averages_of_a_long_record_give_what_all_samples_give() -> None:
-    t = np.linspace(0, 1000, 12_000)
-    for seed in range(4):
-        pv = record(t, STAIRS, drift=1e-3, start=3.0, noise=0.5, seed=seed)
-        averaged = fopdt_least_squares(t, pv, STAIRS, drift=True, start=True)
-        every = fopdt_least_squares(t, pv, STAIRS, weight=np.ones(t.size), drift=True, start=True)
-        found = np.array([parameters(averaged), parameters(every)])
-        off = np.abs(found[0] - found[1]) / every.standard_errors
-        assert np.max(off) < 0.1
+@pytest.mark.parametrize(
+    ("held", "process", "start"),
+    [
+        pytest.param(step_at(100.0), (K, TAU, THETA), 0.0, id="one step"),
+        pytest.param(step_at(100.0), (K, 20.0, 200.0), 0.0, id="long dead time"),
+        pytest.param(step_at(100.0), (K, 60.0, 10.0), 5.0, id="unsteady start"),
+        pytest.param(STAIRS, (K, TAU, THETA), 3.0, id="four moves"),
+        pytest.param(STAIRS, (K, 1.0, 0.3), 5.0, id="four moves of a fast process"),
+    ],
+)
+def test_averages_of_a_long_record_give_what_all_samples_give(
+    held: HeldInput, process: tuple[float, float, float], start: float
+) -> None:
+    t = np.linspace(0, 1000, 30_000)
+    for seed in range(2):
+        pv = record(t, held, process=process, drift=1e-3, start=start, noise=0.5, seed=seed)
+        fitted = {"drift": True, "start": start > 0}
+        averaged = fopdt_least_squares(t, pv, held, **fitted)
+        every = fopdt_least_squares(t, pv, held, weight=np.ones(t.size), **fitted)
+        found = np.array([parameters(averaged), parameters(every)])[:, : 5 + (start > 0)]
+        assert np.max(np.abs(found[0] - found[1]) / every.standard_errors) < 0.2
         np.testing.assert_allclose(averaged.standard_errors, every.standard_errors, rtol=0.01)
-        assert averaged.noise_sd == pytest.approx(every.noise_sd, rel=2e-3)
-        np.testing.assert_allclose(averaged.sse, np.sum((averaged.predict(t) - pv) ** 2), rtol=4e-3)
+        np.testing.assert_allclose(averaged.sse, np.sum((averaged.predict(t) - pv) ** 2), rtol=1e-2)
 
 
 def test_buckets_keep_sums_and_start_anew_at_every_move() -> None:
