@@ -12,7 +12,8 @@ from service.actors import Actor
 from service.database import Database
 from service.records import actions
 from service.records.progress import Progress, Stage
-from service.records.receiving import Upload, harmless_name, uploads_folder
+from service.records.receiving import Upload, harmless_name
+from service.records.waiting import uploads_folder
 from service.settings import Settings
 from service.tables import RecordRow
 

@@ -4,11 +4,8 @@ The framework's own form parser would answer a full disk as a bad request and ta
 cut off for a whole one.
 """
 
-import contextlib
 import hashlib
 import re
-import shutil
-import time
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,12 +23,12 @@ from service.database import Database, database
 from service.errors import InvalidRequest
 from service.loops.store import loop_with_id
 from service.records.progress import Progress
+from service.records.waiting import own_folder, uploads_folder
 
 WRITE_BYTES = 1_000_000
 MOST_PARTS = 60
 LONGEST_FIELD = 10_000
 LONGEST_NAME = 200
-DEAD_AFTER = 6 * 3600.0  # s without a write, after which the process that received it is dead
 CUT_OFF = "The upload was cut off before its end; send it again."
 
 
@@ -63,25 +60,6 @@ class Upload:
     progress: Progress
 
 
-def uploads_folder(data: Path) -> Path:
-    """Find the folder in which uploads wait, and remove what killed processes left there."""
-    folder = data / "uploads"
-    folder.mkdir(parents=True, exist_ok=True)
-    dead = time.time() - DEAD_AFTER
-    for path in folder.iterdir():
-        with contextlib.suppress(FileNotFoundError):  # another process answers its request now
-            if path.stat().st_mtime < dead:
-                _remove(path)
-    return folder
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path, ignore_errors=True)
-    else:
-        path.unlink(missing_ok=True)
-
-
 async def received(
     request: Request,
     loop_id: UUID,
@@ -106,24 +84,22 @@ async def received(
     progress = Progress(folder, loop_id=loop_id, record_id=record_id or uuid4())
     # A folder of its own, and always the same name: the reader takes a name for a tag from it
     # where the file has none, and the same file must be read the same way again.
-    own = folder / str(uuid4())
-    own.mkdir()
-    path = own / "upload.csv"
-    try:
-        with path.open("xb", buffering=0) as file:
-            form = _Form(_boundary(request))
-            await _take_in(request, form, file, progress)
-        yield Upload(
-            path=path,
-            file_name=form.file_name,
-            sha256=form.hash.hexdigest(),
-            size=form.size,
-            fields={name: tuple(values) for name, values in form.fields.items()},
-            progress=progress,
-        )
-    finally:
-        _remove(own)
-        progress.end()
+    with own_folder(folder) as own:
+        path = own / "upload.csv"
+        try:
+            with path.open("xb", buffering=0) as file:
+                form = _Form(_boundary(request))
+                await _take_in(request, form, file, progress)
+            yield Upload(
+                path=path,
+                file_name=form.file_name,
+                sha256=form.hash.hexdigest(),
+                size=form.size,
+                fields={name: tuple(values) for name, values in form.fields.items()},
+                progress=progress,
+            )
+        finally:
+            progress.end()
 
 
 Received: TypeAlias = Annotated[Upload, Depends(received, scope="function")]
