@@ -21,7 +21,8 @@ from service.audit.actions import verify
 from service.database import Database
 from service.records import actions
 from service.records.progress import Progress
-from service.records.receiving import Upload, uploads_folder
+from service.records.receiving import Upload
+from service.records.waiting import uploads_folder
 from service.tables import AuditRow, RecordRow
 
 ANNA = Actor(owner="Anna", role=Role.ENGINEER)
