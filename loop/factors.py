@@ -17,6 +17,7 @@ from loop.signals import Complex, Real
 # A lag or derivative shorter than this acts beyond every frequency a legal loop can cross over at.
 NEGLIGIBLE_TIME = 1e-30
 LARGEST_LOG = 700.0
+LONGEST_DELAY = 1e30
 LARGEST_LOG_FREQUENCY = 60 * math.log(10)
 
 
@@ -117,11 +118,13 @@ class FactoredLoop:
         Raises
         ------
         ValueError
-            The delay is negative or not finite, N is too small for a derivative filter, or a pole
+            The delay lies outside 0 to 1e30 s, N is too small for a derivative filter, or a pole
             or zero of the process is out of every physical range.
         """
-        if not (math.isfinite(delay) and delay >= 0):
-            raise ValueError(f"the extra delay must be 0 or positive and finite, got {delay} s")
+        if not 0 <= delay <= LONGEST_DELAY:
+            raise ValueError(
+                f"the extra delay must lie within 0 and {LONGEST_DELAY:g} s, got {delay}"
+            )
         if not math.isfinite(controller.filter_time):
             raise ValueError(f"N is too small for a derivative filter, got {controller.N}")
         log_C, C_zeros, C_poles = _controller_factors(controller)

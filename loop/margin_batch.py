@@ -12,6 +12,7 @@ from loop.factors import FactoredLoop, polynomial_roots
 from loop.falling_batch import falling_margins
 from loop.lag_loops import LagLoops
 from loop.margins import Margins, loop_margins
+from loop.process import LARGEST
 from loop.scan_batch import scan_margins
 from loop.signals import Real
 
@@ -40,11 +41,11 @@ def batch_margins(
     Raises
     ------
     ValueError
-        A sample time is negative or not finite.
+        A sample time lies outside 0 to 1e9 s.
     """
     hold = np.asarray(sample_time, dtype=float) / 2
-    if not np.all(np.isfinite(hold) & (hold >= 0)):
-        raise ValueError("sample_time must be 0 or positive and finite everywhere")
+    if not np.all((hold >= 0) & (hold <= LARGEST / 2)):
+        raise ValueError(f"sample_time must lie within 0 and {LARGEST:g} s everywhere")
     shape = np.broadcast_shapes(processes.shape, controllers.shape, hold.shape)
     loops = LagLoops.of(processes, controllers, hold, shape)
     if loops.size <= CHUNK:

@@ -11,7 +11,7 @@ from loop.controller import PID
 from loop.crossovers import Crossovers, Run, crossovers, gain_cuts
 from loop.errors import UnstableLoop
 from loop.factors import FactoredLoop
-from loop.process import Process
+from loop.process import LARGEST, Process
 from loop.signals import Flags, Real
 from loop.stability import count_unstable_poles
 
@@ -66,7 +66,7 @@ def margins(process: Process, controller: PID, *, sample_time: float | None = No
     UnstableLoop
         The closed loop is unstable or on the stability limit.
     ValueError
-        The sample time is negative or not finite.
+        The sample time lies outside 0 to 1e9 s.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def margins(process: Process, controller: PID, *, sample_time: float | None = No
     >>> round(found.gain, 5), round(found.phase, 4), round(found.Ms, 5)
     (7.28357, 84.2356, 1.16282)
     """
-    return loop_margins(FactoredLoop.of(process, controller, delay=hold_delay(sample_time)))
+    return loop_margins(FactoredLoop.of(process, controller, delay=_hold_delay(sample_time)))
 
 
 def loop_margins(loop: FactoredLoop) -> Margins:
@@ -109,23 +109,12 @@ def loop_margins(loop: FactoredLoop) -> Margins:
     )
 
 
-def hold_delay(sample_time: float | None) -> float:
-    """Dead time that a zero-order hold adds, half the sample time. [s]
-
-    Parameters
-    ----------
-    sample_time : float or None
-        Scan time of the controller, None for a continuous one. [s]
-
-    Raises
-    ------
-    ValueError
-        The sample time is negative or not finite.
-    """
+def _hold_delay(sample_time: float | None) -> float:
+    """Dead time that a zero-order hold adds, half the sample time. [s]"""
     if sample_time is None:
         return 0.0
-    if not (math.isfinite(sample_time) and sample_time >= 0):
-        raise ValueError(f"sample_time must be 0 or positive and finite, got {sample_time} s")
+    if not 0 <= sample_time <= LARGEST:
+        raise ValueError(f"sample_time must lie within 0 and {LARGEST:g} s, got {sample_time}")
     return sample_time / 2
 
 

@@ -44,7 +44,7 @@ def unstable_poles(process: Process, controller: PID, *, delay: float = 0.0) -> 
     Raises
     ------
     ValueError
-        The delay is negative or not finite, or the loop has no sensible scale.
+        The delay lies outside 0 to 1e30 s, or the loop has no sensible scale.
 
     References
     ----------

@@ -243,10 +243,10 @@ def test_sampling_costs_half_a_scan_of_delay() -> None:
         assert found.gain[i] == pytest.approx(alone.gain, rel=1e-11)
 
 
-@pytest.mark.parametrize("sample_time", [-1.0, math.nan, math.inf])
+@pytest.mark.parametrize("sample_time", [-1.0, math.nan, math.inf, 1e300])
 def test_an_impossible_sample_time_is_refused_in_words(sample_time: float) -> None:
     process = ProcessBatch.of(FOPDT(K=1, tau=5, theta=1))
-    with pytest.raises(ValueError, match="sample_time must be 0 or positive and finite"):
+    with pytest.raises(ValueError, match="sample_time must lie within 0 and 1e\\+09 s"):
         batch_margins(process, PIDBatch.of(PID(Kc=1)), sample_time=[0.0, sample_time])
 
 
