@@ -18,6 +18,9 @@ from loop.signals import Real
 # tau; a hundredth of a standard error is nothing that data can tell. A step in theta also moves the
 # corner of the answer past a few noisy samples, which only a step of a few tenths leaves small.
 SMALL_ERROR, SMALL_STEP = 0.01, 0.3
+# Where such a step raises the sum of squares by under a twentieth of the noise variance, which is a
+# fifth of a standard error, both ends are as good: the corner's samples make the valley rough.
+FLAT = 0.05
 # Without noise the standard errors vanish; rounding then ends the iteration.
 ROUNDING = 1e-12
 MOST_STEPS = 60
@@ -228,6 +231,9 @@ def descend(problem: Problem, tau: float, theta: float, close: float) -> tuple[P
         trial = evaluate(problem, *moved(problem, point, step))
         if trial.sse <= point.sse:
             point, damping = trial, damping / 10 if damping > 1e-6 else 0.0
+        elif trial.sse - point.sse < FLAT * point.sse / freedom:
+            step = np.zeros_like(step)
+            break
         elif damping < 1e8:
             damping = max(10 * damping, 1e-3)
         else:
