@@ -27,9 +27,10 @@ SERVICE = Path(__file__).parents[2] / "service"
 FEATURES = sorted(folder.parent for folder in SERVICE.glob("*/routes.py"))
 
 
-@pytest.fixture
-def description(settings: Settings) -> dict[str, Any]:
+@pytest.fixture(scope="module")
+def description(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """Describe the API without any database."""
+    settings = Settings(data=tmp_path_factory.mktemp("nothing"))
     return create_app(settings, Database.at(settings.url)).openapi()
 
 
