@@ -47,9 +47,10 @@ def block_of(table: pa.Table, loop: str) -> tuple[int, int]:
 def blocks_of(table: pa.Table) -> Iterator[tuple[str, Rows]]:
     """Go through a table sorted by loop, one loop after the other."""
     names, numbers = _names(table)
+    rows = rows_in(table)
     bounds = np.r_[0, np.flatnonzero(np.diff(numbers)) + 1, numbers.size]
     for start, end in itertools.pairwise(bounds.tolist()):
-        yield names[numbers[start]], rows_in(table.slice(start, end - start))
+        yield names[numbers[start]], rows[start:end]
 
 
 def rows_in(table: pa.Table) -> Rows:

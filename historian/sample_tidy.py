@@ -14,6 +14,7 @@ from historian.sample_log import SampleLog
 from historian.sample_reading import in_order, read_file
 
 ROWS_A_FILE = 1_000_000  # the most that is joined into one file, about 100 MB of memory
+MOST_TIMES_LARGER = 8  # so that a sample is written again a few times at most, however it comes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,8 +82,11 @@ def _heaps(files: Sequence[SampleFile]) -> Iterator[list[SampleFile]]:
         heap: list[SampleFile] = []
         rows = 0
         for file in members:
-            if rows + file.rows > ROWS_A_FILE:
-                break  # sorted by size: the rest is too large to be joined
+            # Sorted by size: a file far larger than all before it is not written again for them.
+            if rows + file.rows > ROWS_A_FILE or (heap and file.rows > MOST_TIMES_LARGER * rows):
+                if len(heap) > 1:
+                    break
+                heap, rows = [], 0
             heap.append(file)
             rows += file.rows
         if len(heap) > 1:

@@ -344,6 +344,21 @@ def test_tidying_leaves_large_files_alone(folder: Path, monkeypatch: pytest.Monk
     assert store.read(ONE_BUCKET[0]).pv.tolist() == [1, 2, 3, 4]
 
 
+def test_tidying_does_not_write_a_large_file_again_for_a_few_samples(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = SampleStore(folder)
+    monkeypatch.setattr(sample_tidy, "MOST_TIMES_LARGER", 3)
+    store.write(ONE_BUCKET[0], samples(*range(40)))
+    store.write(ONE_BUCKET[1], samples(1, 2))
+    assert store.tidy().joined == 0
+    store.write("L27", samples(*range(5)))
+    assert store.tidy().joined == 2  # 2 and 5 samples are alike
+    store.write("L33", samples(*range(7)))
+    assert store.tidy().joined == 3  # 7, 7 and 40 are, too
+    assert [store.span(loop).rows for loop in (*ONE_BUCKET, "L27", "L33")] == [40, 2, 5, 7]
+
+
 def test_tidying_spares_files_that_a_reader_may_still_have_open(folder: Path) -> None:
     store = SampleStore(folder)
     store.write("L04", samples(1, 2))

@@ -134,7 +134,7 @@ def test_what_killed_processes_left_is_swept_and_their_progress_forgotten(
     note = {"loop_id": tic101["id"], "stage": "reading", "done": 1, "total": None}
     (folder / f"{record}.json").write_text(json.dumps(note))
     young, dead, note_of_dead = folder / "young", folder / "dead", folder / "dead.json"
-    for path, age in ((young, 60.0), (dead, 100_000.0)):
+    for path, age in ((young, 10.0), (dead, 100_000.0)):
         path.mkdir()
         (path / "upload.csv").write_bytes(b"half a file")
         os.utime(path, (time.time() - age,) * 2)
