@@ -44,6 +44,7 @@ def demo(host: Host = None, port: Port = None, data: DataFolder = None) -> int:
 
 def _first_start(held: Database, settings: Settings) -> str:
     """Load the plant and make the key that says so; in this order, so that a kill costs nothing."""
+    typer.echo("Loading the simulated plant ...", err=True)
     bar = Progress(
         BarColumn(),
         MofNCompleteColumn(),

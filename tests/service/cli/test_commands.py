@@ -1,10 +1,12 @@
 """What holds for every command: help, one sentence for a wrong call, no traceback, no waiting."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
 from importlib import import_module
 from inspect import cleandoc
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -40,6 +42,12 @@ def test_all_commands_of_the_brief_are_there() -> None:
         "serve", "demo", "import", "identify", "tune", "sheet show", "sheet history", "sheet diff",
         "sheet approve", "audit verify", "key create", "migrate",
     } <= set(ALL)  # fmt: skip
+
+
+def test_the_page_of_the_command_line_names_every_command() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "command-line.md").read_text("utf-8")
+    named = set(re.findall(r"^\| `loopwright ([a-z]+(?: [a-z]+)?)", page, re.MULTILINE))
+    assert named == {command for command in ALL if command not in GROUPS}
 
 
 @pytest.mark.parametrize("command", ALL)

@@ -19,10 +19,11 @@ ELAPSED = "t [s],PV,OP\n" + "".join(f"{i},{20 + i % 3},{40 + i % 2}\n" for i in 
 AMBIGUOUS = "Time,PV,OP\n03/04/2026 08:00:00,20.5,40\n03/04/2026 08:00:01,20.6,41\n"
 
 
-@pytest.fixture
-def database_url(sqlite_url: URL) -> URL:
-    """One kind will do here; test_sheets.py walks through both."""
-    return sqlite_url
+@pytest.fixture(params=["sqlite"])
+def database_url(request: pytest.FixtureRequest) -> URL:
+    """One kind will do, except for what is stored."""
+    url: URL = request.getfixturevalue(f"{request.param}_url")
+    return url
 
 
 @pytest.fixture
@@ -35,6 +36,7 @@ def records(client: TestClient, loop: dict[str, Any]) -> list[dict[str, Any]]:
     return items
 
 
+@pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 @pytest.mark.usefixtures("anna")
 def test_an_import_is_the_record_that_an_upload_would_be(
     client: TestClient, tic101: dict[str, Any], said: Said
