@@ -25,8 +25,9 @@ COUNTER_NAMES = frozenset({"id", "index", "idx", "row", "no", "no.", "nr", "nr."
 _QUALITY_NAMES = frozenset(
     {"quality", "dataquality", "validity", "dataintegrity", "opcquality", "opcqualitycode",
      "qualitycode", "tagquality", "status", "valid", "isgood", "good", "qualität",
-     "questionable", "ip_input_quality"}
+     "ip_input_quality"}
 )  # fmt: skip
+NUMBERED = re.compile(r" \(column \d+\)\Z")
 _QUALITY_ENDING = re.compile(
     r"[ ._:/-](?:quality|status|validity|q|qual|opcquality)\Z", re.IGNORECASE
 )
@@ -183,3 +184,14 @@ class ColumnView:
 
 def _plain_name(name: str) -> str:
     return plain_word(split_unit(name)[0])
+
+
+def distinct(
+    view: ColumnView, columns: list[int], names: list[tuple[str, str]]
+) -> list[tuple[str, str]]:
+    """Give tags that several columns share their full headings, which are distinct."""
+    tags = Counter(tag for tag, _ in names)
+    return [
+        (view.table.names[column], unit) if tags[tag] > 1 else (tag, unit)
+        for column, (tag, unit) in zip(columns, names, strict=True)
+    ]

@@ -76,21 +76,29 @@ def decide_encoding(head: bytes, stated: str | None) -> Encoding:
     """
     mark, name = next(((mark, name) for mark, name in _MARKS if head.startswith(mark)), (b"", ""))
     if stated is not None:
-        try:
-            codecs.lookup(stated)
-        except LookupError as error:
-            raise ExportRefused(f"The encoding {stated!r} is not known to Python.") from error
-        name, words = stated, f"{stated}, as stated"
+        name, words = _stated(stated, name), f"{stated}, as stated"
     elif mark:
         words = f"{name.upper()}, from its byte-order mark"
     else:
         name, words = _from_pattern(head)
-    text = head.removeprefix(mark).decode(name, errors="replace")
+    try:
+        text = head.removeprefix(mark).decode(name, errors="replace")
+    except (LookupError, UnicodeError) as error:
+        raise ExportRefused(f"The encoding {name!r} cannot read this file.") from error
     if "\n" in text:
         line_end = "CRLF" if "\r\n" in text else "LF"
     else:
         line_end = "CR" if "\r" in text else "LF"
     return Encoding(name=name, mark=mark, line_end=line_end, words=words)
+
+
+def _stated(stated: str, of_mark: str) -> str:
+    try:
+        codec = codecs.lookup(stated).name
+    except LookupError as error:
+        raise ExportRefused(f"The encoding {stated!r} is not known to Python.") from error
+    endless = codec in {"utf-16", "utf-32"} and of_mark.startswith(codec)
+    return of_mark if endless else codec
 
 
 def _from_pattern(head: bytes) -> tuple[str, str]:
@@ -114,7 +122,7 @@ def keeps_ascii(name: str) -> bool:
     sample = 'az09,;\t."\n'
     try:
         return sample.encode(name) == sample.encode("ascii")
-    except UnicodeEncodeError:
+    except UnicodeError:
         return False
 
 

@@ -28,8 +28,7 @@ class GoodLines:
 def clean_lines(block: Block, plan: Plan, ledger: Ledger) -> GoodLines:
     """Keep the lines of samples; count the remarks and reject the damaged lines."""
     good = GoodLines()
-    data = block.data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    texts = data.split(b"\n")
+    texts = block.data.replace(b"\r\n", b"\n").split(b"\n")
     if block.terminated:
         texts.pop()
     last = block.first_line + len(texts) - 1
@@ -40,6 +39,8 @@ def clean_lines(block: Block, plan: Plan, ledger: Ledger) -> GoodLines:
         reason = None
         if b"\0" in text:
             reason = "it holds NUL bytes"
+        elif b"\r" in text.rstrip(b"\r"):
+            reason = "it holds a carriage return"
         elif text.count(b'"') % 2:
             reason = "a quotation mark is not closed"
         elif number == last and ends_in_a_number(block, plan):

@@ -137,7 +137,7 @@ class LongRows:
                 texts[row] = odd.words[place]
         for row in chosen.tolist():
             if np.isfinite(values[row]):
-                texts[row] = repr(float(values[row]))
+                texts[row] = f"{values[row]:g}"
         different = list(dict.fromkeys(texts.values()))
         order = {text: place for place, text in enumerate(different)}
         places = np.array([order[texts[row]] for row in chosen.tolist()], dtype=np.int64)

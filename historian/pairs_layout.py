@@ -2,16 +2,15 @@
 
 import re
 
-from historian.assignment import Assignment, Signal, TimeColumns
+from historian.assignment import Assignment, TimeColumns
 from historian.cell_kind import Kind
-from historian.column_view import VALUE_NAMES, ColumnView
+from historian.column_view import NUMBERED, VALUE_NAMES, ColumnView, distinct
 from historian.errors import AmbiguousColumns, ColumnNotFound
 from historian.options import Layout
 from historian.quality import plain_word
 from historian.tag_map import part_of, split_unit
 from historian.time_format import names_time
 
-_NUMBERED = re.compile(r" \(column \d+\)\Z")
 _ENDING = re.compile(r"[ ._-](?:time|timestamp|value|zeit|wert)\Z", re.IGNORECASE)
 
 
@@ -33,7 +32,7 @@ def numeric_times(view: ColumnView) -> list[int]:
         for j in view.every
         if view.named
         and view.seen[j].usual is Kind.NUMBER
-        and names_time(_NUMBERED.sub("", view.table.names[j]))
+        and names_time(NUMBERED.sub("", view.table.names[j]))
         and part_of(view.table.names[j]) is None
     ]
 
@@ -49,7 +48,7 @@ def assign_pairs(view: ColumnView, times: list[int]) -> Assignment:
     times = times or numeric_times(view)
     if not times:
         raise ColumnNotFound("the times of pairs", view.table.names, "state another layout")
-    signals: list[Signal] = []
+    found: list[tuple[int, int, int | None]] = []
     for start, end in zip(times, [*times[1:], view.table.width], strict=True):
         inside = [j for j in range(start + 1, end) if not view.is_blank(j)]
         quality = next((j for j in inside if view.is_quality(j)), None)
@@ -58,12 +57,17 @@ def assign_pairs(view: ColumnView, times: list[int]) -> Assignment:
             view.ignore(start, "no value stands beside it")
             continue
         if len(values) > 1:
-            names = tuple(view.table.names[j] for j in values)
-            raise AmbiguousColumns("the value of one pair", names, "state another layout")
-        name = _name(view, start, values[0])
-        signals.append(view.signal(name, values[0], TimeColumns(columns=(start,)), quality))
-    if not signals:
+            several = tuple(view.table.names[j] for j in values)
+            raise AmbiguousColumns("the value of one pair", several, "state another layout")
+        found.append((start, values[0], quality))
+    if not found:
         raise ColumnNotFound("the values of pairs", view.table.names, "state another layout")
+    columns = [value for _, value, _ in found]
+    names = distinct(view, columns, [_name(view, start, value) for start, value, _ in found])
+    signals = [
+        view.signal(name, value, TimeColumns(columns=(start,)), quality)
+        for name, (start, value, quality) in zip(names, found, strict=True)
+    ]
     return Assignment(
         layout=Layout.PAIRS, signals=tuple(signals), long=None, ignored=tuple(view.ignored)
     )
@@ -75,7 +79,7 @@ def _name(view: ColumnView, time: int, value: int) -> tuple[str, str]:
     for column in (value, time):
         for heading in headings:
             cell = heading[column] if column < len(heading) else ""
-            name, unit = split_unit(_NUMBERED.sub("", cell))
+            name, unit = split_unit(NUMBERED.sub("", cell))
             name = _ENDING.sub("", name)
             plain = plain_word(name)
             generic = plain in VALUE_NAMES or plain.startswith("column") or names_time(name)

@@ -1,6 +1,7 @@
 """Take every decision about a file from its start; look further only for an open date order."""
 
 import csv
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from historian.plan import Plan
 from historian.quality import Scheme, decide_scheme, plain_word
 from historian.table_shape import Table, find_table
 from historian.time_format import (
+    IN_STAMPS,
     OpenOrder,
     TimeFormat,
     decide_numeric,
@@ -28,6 +30,8 @@ from historian.time_format import (
     possible_orders,
 )
 from historian.timestamps import SECOND, StampReader, date_fields
+
+_EXTENSIONS = re.compile(r"(?:\.(?:csv|txt|tsv|dat|asc|prn|gz|zip))+\Z", re.IGNORECASE)
 
 
 def read_head(reader: LimitedReader) -> bytes:
@@ -52,8 +56,8 @@ def plan_for(path: Path, options: ReadOptions) -> Plan:
     with opened(path, options.max_bytes) as (reader, container):
         head = read_head(reader)
     encoding = decide_encoding(head, options.encoding)
-    table = find_table(_whole_lines(head, encoding), options)
-    assignment = assign(table, options, fallback_tag=path.name.split(".")[0])
+    table = find_table(_whole_lines(head, encoding), encoding.line_end, options)
+    assignment = assign(table, options, fallback_tag=_EXTENSIONS.sub("", path.name))
     numbers = decide_numbers(table, assignment, options)
     return Plan(
         container=container,
@@ -122,7 +126,8 @@ def _decide_time(
     first = columns[0]
     filled = [cell for cell in table.column(first[0]) if cell]
     header = table.names[first[0]] if table.header_line is not None else ""
-    if not any(is_time_kind(cell) for cell in filled):
+    numeric = options.time_format is not None and options.time_format not in IN_STAMPS
+    if numeric or not any(is_time_kind(cell) for cell in filled):
         decided: TimeFormat | OpenOrder = decide_numeric(filled, header, numbers, options)
     else:
         cells = [cell for group in columns for cell in table.column(group[0]) if cell]

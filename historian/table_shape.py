@@ -11,7 +11,7 @@ from historian.options import ReadOptions
 from historian.tag_map import part_of
 
 DELIMITERS = (";", "\t", ",", "|")
-SAMPLE_LINES = 400
+SAMPLE_LINES = 4000
 KIND_LINES = 200
 _SECTION = re.compile(r"\s*\[(\w+)\][\s,;]*\Z")
 _COMMENT = re.compile(r"\s*(?:\*|//|#(?!N/A|VALUE!|REF!|NAME\?|NUM!|DIV/0!|NULL!))", re.IGNORECASE)
@@ -53,8 +53,8 @@ class Table:
     notes: tuple[str, ...]
 
     def column(self, index: int) -> list[str]:
-        """Cells of one column in the sample, empty where a row is short."""
-        return [row[index] if index < len(row) else "" for _, row in self.rows]
+        """Cells of one column at the start of the sample, empty where a row is short."""
+        return [row[index] if index < len(row) else "" for _, row in self.rows[:KIND_LINES]]
 
 
 def is_comment(line: str) -> bool:
@@ -79,13 +79,15 @@ def split_cells(line: str, delimiter: str) -> Row:
     return [cell.strip() for cell in cells]
 
 
-def find_table(text: str, options: ReadOptions) -> Table:
+def find_table(text: str, line_end: str, options: ReadOptions) -> Table:
     """Find the table in the start of a file.
 
     Parameters
     ----------
     text : str
         Start of the file, whole lines.
+    line_end : str
+        "LF", "CRLF" or "CR".
     options : ReadOptions
         What the user states.
 
@@ -94,7 +96,7 @@ def find_table(text: str, options: ReadOptions) -> Table:
     ExportRefused
         Where no table is found.
     """
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = text.split("\r") if line_end == "CR" else text.replace("\r\n", "\n").split("\n")
     numbered = [(number, line) for number, line in enumerate(lines, start=1)]
     notes: list[str] = []
     start = _after_data_section(numbered, notes)
@@ -108,8 +110,10 @@ def find_table(text: str, options: ReadOptions) -> Table:
     width = _decide_width([row for _, row in rows])
     first = options.first_line or _first_data_line(rows, width)
     header, others = _headers(rows, width, first, options)
+    if header is None and options.header_line is None:
+        header = _heading_in_comment(numbered[:first], width, delimiter)
     names = _names(header[1] if header else [], width)
-    data = tuple((n, row) for n, row in rows if n >= first and len(row) <= width)[:KIND_LINES]
+    data = tuple((n, row) for n, row in rows if n >= first and len(row) <= width)
     return Table(
         delimiter=delimiter,
         width=width,
@@ -241,6 +245,17 @@ def _headers(
         return None, ()
     others = tuple(tuple(row) for number, row in candidates if number != chosen[0])
     return chosen, others
+
+
+def _heading_in_comment(lines: list[tuple[int, str]], width: int, delimiter: str) -> Heading | None:
+    """Take the names from the last comment before the samples, if it has as many cells."""
+    for number, line in reversed(lines[:-1]):
+        row = split_cells(line.lstrip("#*/ "), delimiter)
+        if is_comment(line) and len(row) == width and _reads_as_heading(row):
+            return number, row
+        if line.strip():
+            return None
+    return None
 
 
 def _reads_as_heading(row: Row) -> bool:

@@ -57,7 +57,8 @@ def _milliseconds(view: ColumnView, clock: int) -> int | None:
     after = clock + 1
     if after < view.table.width and view.plain(after) in _SUBSECOND_NAMES:
         cells = [cell for cell in view.table.column(after) if cell]
-        if cells and all(cell.isdecimal() and int(cell) < 1000 for cell in cells):
+        fitting = sum(cell.isdecimal() and int(cell) < 1000 for cell in cells)
+        if cells and fitting * 2 >= len(cells):
             return after
     return None
 

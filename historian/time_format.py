@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from historian.cell_kind import TIMES, Kind, kind_of
+from historian.cell_kind import TIMES, kind_of
 from historian.errors import AmbiguousTime, ExportRefused
 from historian.numbers import NumberFormat
 from historian.options import TIME_FORMATS, ReadOptions
@@ -20,6 +20,7 @@ ELAPSED = {
     "elapsed_h": 3600.0,
     "elapsed_d": 86400.0,
 }
+IN_STAMPS = frozenset({"Y/M/D", "D/M/Y", "M/D/Y", "D-MMM-Y", "clock"})
 _EARLIEST, _LATEST = 4.7e8, 4.1e9  # 1984 and 2099, seconds since 1970
 _EXCEL_FIRST, _EXCEL_LAST = 30_000, 73_000  # 1982 and 2099, days since 1899-12-30
 _TIME_NAME = re.compile(
@@ -61,7 +62,7 @@ class TimeFormat:
     @property
     def is_calendar(self) -> bool:
         """Whether stamps are dates and times in words and digits."""
-        return self.name in {"Y/M/D", "D/M/Y", "M/D/Y", "D-MMM-Y"}
+        return self.name in IN_STAMPS - {"clock"}
 
     @property
     def is_elapsed(self) -> bool:
@@ -212,9 +213,8 @@ def decide_numeric(
             example=example,
         )  # fmt: skip
     for name, per_second in EPOCHS.items():
-        if times.size and np.all(
-            (times >= _EARLIEST * per_second) & (times <= _LATEST * per_second)
-        ):
+        fitting = (times >= _EARLIEST * per_second) & (times <= _LATEST * per_second)
+        if times.size and np.count_nonzero(fitting) * 10 >= times.size * 9:
             words = f"{TIME_FORMATS[name]}, by the range of the numbers"
             return TimeFormat(name=name, zoned=False, words=words, example=example)
     unit = next(
@@ -243,8 +243,3 @@ def _is_excel(times: Real) -> bool:
 def is_time_kind(cell: str) -> bool:
     """Tell whether a cell is a date, a time of day or both."""
     return kind_of(cell) in TIMES
-
-
-def is_date(cell: str) -> bool:
-    """Tell whether a cell is a date without a time of day."""
-    return kind_of(cell) is Kind.DATE

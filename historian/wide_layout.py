@@ -3,7 +3,7 @@
 import re
 
 from historian.assignment import Assignment
-from historian.column_view import COUNTER_NAMES, VALUE_NAMES, ColumnView
+from historian.column_view import COUNTER_NAMES, NUMBERED, VALUE_NAMES, ColumnView, distinct
 from historian.errors import ColumnNotFound
 from historian.options import Layout
 from historian.tag_map import Part, part_of, split_unit
@@ -35,7 +35,10 @@ def assign_wide(view: ColumnView, times: list[int]) -> Assignment:
     if not values:
         raise ColumnNotFound("a value", view.table.names, "state them with columns pv=..., op=...")
     of_value = {max(v for v in values if v < q): q for q in qualities if min(values) < q}
-    signals = [view.signal(_name(view, j, len(values)), j, time, of_value.get(j)) for j in values]
+    names = distinct(view, values, [_name(view, j, len(values)) for j in values])
+    signals = [
+        view.signal(name, j, time, of_value.get(j)) for j, name in zip(values, names, strict=True)
+    ]
     return Assignment(
         layout=Layout.WIDE, signals=tuple(signals), long=None, ignored=tuple(view.ignored)
     )
@@ -73,7 +76,7 @@ def _is_value(view: ColumnView, index: int, times: list[int]) -> bool:
 
 
 def _name(view: ColumnView, index: int, count: int) -> tuple[str, str]:
-    name, unit = split_unit(view.table.names[index])
+    name, unit = split_unit(NUMBERED.sub("", view.table.names[index]))
     nameless = not view.named or view.plain(index) in VALUE_NAMES
     if count == 1 and nameless:
         name = view.fallback_tag

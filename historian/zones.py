@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import lru_cache
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
@@ -12,6 +13,7 @@ from historian.timestamps import SECOND
 from loop.signals import Flags
 
 _DAY = 86400
+_SPAN = 400 * _DAY  # whole spans, so that the tags of one file share them
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -48,7 +50,8 @@ class Change:
     after: int
 
 
-def changes_between(zone: ZoneInfo, first: int, last: int) -> tuple[int, list[Change]]:
+@lru_cache(maxsize=64)
+def changes_between(zone: ZoneInfo, first: int, last: int) -> tuple[int, tuple[Change, ...]]:
     """List the changes of a zone's offset.
 
     Parameters
@@ -61,7 +64,7 @@ def changes_between(zone: ZoneInfo, first: int, last: int) -> tuple[int, list[Ch
     -------
     offset : int
         Offset at `first`. [s]
-    changes : list of Change
+    changes : tuple of Change
     """
     start = offset = _offset(zone, first)
     changes = []
@@ -74,7 +77,7 @@ def changes_between(zone: ZoneInfo, first: int, last: int) -> tuple[int, list[Ch
                 low, high = (low, middle) if _offset(zone, middle) == later else (middle, high)
             changes.append(Change(high, offset, later))
             offset = later
-    return start, changes
+    return start, tuple(changes)
 
 
 def _offset(zone: ZoneInfo, instant: int) -> int:
@@ -119,7 +122,9 @@ def to_utc(local: Integers, zone: ZoneInfo) -> Converted:
     if not local.size:
         return Converted(local, missing, unclear)
     first, last = int(local.min()) // SECOND, int(local.max()) // SECOND
-    offset, changes = changes_between(zone, first - _DAY, last + _DAY)
+    offset, changes = changes_between(
+        zone, (first // _SPAN - 1) * _SPAN, (last // _SPAN + 2) * _SPAN
+    )
     instants = local - offset * SECOND
     rising = local[-1] >= local[0]
     for change in changes:
