@@ -6,6 +6,7 @@ Exit code 0 when every benchmark ran, whatever its times; 1 when one did not.
 import argparse
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -38,15 +39,25 @@ def measure_apart(name: str) -> Result:
     around = surroundings()
     with tempfile.TemporaryDirectory(prefix="loopwright-bench-") as folder:
         answer = Path(folder) / "answer.json"
-        subprocess.run(
-            [sys.executable, "-m", "benchmarks", name, "--into", str(answer)],
-            check=True,
-            cwd=ROOT,
-            env={**os.environ, **dict.fromkeys(THREAD_LIMITS, "1")},
-            timeout=BENCHMARKS[name].seconds,
-        )
+        command = [sys.executable, "-m", "benchmarks", name, "--into", str(answer)]
+        # What it leaves behind if it is stopped lies in this folder and in its own session.
+        environment = {**os.environ, **dict.fromkeys(THREAD_LIMITS, "1"), "TMPDIR": folder}
+        process = subprocess.Popen(command, cwd=ROOT, env=environment, start_new_session=True)
+        try:
+            code = process.wait(timeout=BENCHMARKS[name].seconds)
+        except BaseException:
+            _end_session(process)
+            raise
+        if code:
+            raise subprocess.CalledProcessError(code, command)
         body = json.loads(answer.read_text(encoding="utf-8"))
     return Result.from_json({"section": body, "surroundings": dict(around)})
+
+
+def _end_session(process: subprocess.Popen[bytes]) -> None:
+    """End a benchmark that still runs, with the server that it may have started."""
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
 
 
 def _measure_all(names: list[str]) -> list[str]:

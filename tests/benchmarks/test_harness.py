@@ -2,6 +2,8 @@
 
 import json
 import math
+import subprocess
+import time
 from functools import partial
 from pathlib import Path
 
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 
 import benchmarks.__main__ as command
-from benchmarks.catalogue import BENCHMARKS
+from benchmarks.catalogue import BENCHMARKS, Benchmark
 from benchmarks.csv_pipelines import contents, with_loopwright
 from benchmarks.exact_margins import Plant, exact_margins
 from benchmarks.exports import BAD_WORDS, BROKEN_STAMP, LAYOUTS, write_export
@@ -122,6 +124,32 @@ def test_one_benchmark_writes_its_section_where_it_is_told(
     assert command.main(["margins", "--into", str(tmp_path / "answer.json")]) == 0
     body = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
     assert Section.from_json(body) == toy(MET)
+
+
+def test_a_benchmark_that_takes_too_long_is_stopped_with_what_it_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started = tmp_path / "started"
+    program = tmp_path / "python"
+    program.write_text(f"#!/bin/sh\nsleep 300 &\necho $! > {started}\nwait\n", encoding="ascii")
+    program.chmod(0o755)
+    monkeypatch.setattr("sys.executable", str(program))
+    short = Benchmark(name="margins", about="", seconds=2.0)
+    monkeypatch.setattr(command, "BENCHMARKS", {"margins": short})
+    with pytest.raises(subprocess.TimeoutExpired):
+        command.measure_apart("margins")
+    sleeper = int(started.read_text(encoding="ascii"))
+    deadline = time.monotonic() + 20
+    while is_running(sleeper) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not is_running(sleeper)
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return "State:\tZ" not in Path(f"/proc/{pid}/status").read_text(encoding="ascii")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
 
 
 def test_the_exact_margins_meet_the_printed_anchors() -> None:
