@@ -131,7 +131,7 @@ def test_a_bad_stretch_stays_visible_as_rows_without_values(store: SampleStore) 
 
 
 def test_loops_that_share_files_keep_their_own_samples(store: SampleStore) -> None:
-    loops = [f"LIC-{n}" for n in range(40)]  # five in every bucket, a thousand times
+    loops = [f"LIC-{n}" for n in range(40)]
     for n, loop in enumerate(loops):
         store.write(loop, samples([0, 60, 120], pv=float(n)))
     assert store.tidy().written == 8
