@@ -213,14 +213,10 @@ def _described(
 ) -> Identification:
     """All numbers of the fit, without a verdict."""
     fit, colour = explanation.fit, explanation.colour
-    errors = fit.standard_errors[:3] * colour.inflation**0.5
+    errors, intervals = _errors(explanation)
     covariance = fit.covariance[:3, :3]
     sizes = np.sqrt(np.diag(covariance))
     sizes = np.where(sizes > 0, sizes, 1.0)
-    estimates = np.array([fit.K, fit.tau, fit.theta])
-    width = float(student.ppf(0.975, fit.freedom))
-    intervals = np.stack((estimates - width * errors, estimates + width * errors), axis=1)
-    intervals[1:] = np.maximum(intervals[1:], 0.0)
     predicted = fit.predict(samples.t)
     residual = samples.pv - predicted
     steps = experiment.steps
@@ -247,6 +243,17 @@ def _described(
     )
 
 
+def _errors(explanation: Explanation) -> tuple[Real, Real]:
+    """Standard errors and 95 % intervals of K, tau, theta, widened by the residual's colour."""
+    fit = explanation.fit
+    errors = fit.standard_errors[:3] * explanation.colour.inflation**0.5
+    estimates = np.array([fit.K, fit.tau, fit.theta])
+    width = float(student.ppf(0.975, fit.freedom)) * errors
+    intervals = np.stack((estimates - width, estimates + width), axis=1)
+    intervals[1:] = np.maximum(intervals[1:], 0.0)
+    return errors, intervals
+
+
 def _findings(
     described: Identification, experiment: Experiment, samples: Samples, explanation: Explanation
 ) -> list[Finding]:
@@ -257,7 +264,7 @@ def _findings(
     require_unsaturated(fit, samples, steps)
     if described.gains is not None:
         require_one_sign(described.gains, steps)
-    intervals = described.intervals
+    _, intervals = _errors(explanation)
     swing = answer_swing(fit, samples.t)
     misfit = worst_misfit(
         samples.t,
@@ -272,12 +279,11 @@ def _findings(
         *judge_rival(explanation),
         *judge_two_point(fit, described.steps),
         *judge_timing(fit, experiment),
+        judge_errors(fit, intervals),
+        judge_dead_time(fit, intervals[2], experiment.spacing),
     ]
     if described.gains is not None:
         findings += judge_gains(fit, described.gains)
-    if intervals is not None:
-        findings.append(judge_errors(fit, intervals))
-        findings.append(judge_dead_time(fit, intervals[2], experiment.spacing))
     return findings
 
 

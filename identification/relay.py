@@ -216,8 +216,6 @@ def _first_switch(up: Flags, at_level: Flags) -> int:
     """First sample at one of the two levels that the output later leaves for the other."""
     away = np.flatnonzero(~at_level)
     switches = np.flatnonzero(up[1:] != up[:-1]) + 1
-    if not switches.size:
-        return 0
     before = away[away < switches[0]]
     return int(before[-1]) + 1 if before.size else 0
 

@@ -187,6 +187,29 @@ def test_an_unsteady_start_is_fitted_where_it_shows() -> None:
     assert "off rest" in said(found)
 
 
+def test_an_unsteady_start_without_samples_before_the_move_is_not_fitted() -> None:
+    op = output((3, 50))
+    assert of(answer(op, start=6), op).start == 0
+
+
+def test_a_bump_before_the_step_is_told() -> None:
+    pv = answer(STEP)
+    pv[40:70] += 4
+    found = of(pv)
+    assert found.verdict is not Verdict.TRUSTED
+    assert re.search("PV moved before the step: by .* of the answer between", said(found))
+
+
+def test_a_record_that_ends_at_once_determines_nothing() -> None:
+    found = of(answer(STEP, noise=0.05)[:121], STEP[:121], T[:121])
+    assert found.verdict is Verdict.REFUSED
+    assert "not determined by the record" in said(found)
+
+
+def test_an_answer_that_is_over_at_once_is_not_called_saturated() -> None:
+    assert "saturated" not in said(of(answer(STEP, process=(2, 0.1, 3.2), noise=0)))
+
+
 def test_coloured_residuals_widen_the_errors() -> None:
     rng = np.random.default_rng(0)
     coloured = lfilter([0.1], [1, -0.95], rng.normal(size=T.size))
