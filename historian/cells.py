@@ -12,7 +12,7 @@ import pyarrow.csv as pa_csv
 from historian.accounting import Ledger
 from historian.arrow_views import as_flags, as_floats, as_integers, equals, taken
 from historian.encoding import Block, text_of
-from historian.lines import clean_lines, ends_in_a_number
+from historian.lines import clean_lines, is_suspect
 from historian.numbers import LARGEST, without_denormals
 from historian.options import Layout
 from historian.plan import Plan
@@ -116,7 +116,7 @@ class CellReader:
         table = None
         if not block.terminated:
             self._ledger.unterminated = True
-        if b"\0" not in data and not ends_in_a_number(block, self._plan):
+        if not is_suspect(block, self._plan):
             table = self._parse(data, numbers_as_text=not self._direct)
             if table is not None and table.num_rows != block.ends.size:
                 table = None

@@ -59,6 +59,16 @@ def clean_lines(block: Block, plan: Plan, ledger: Ledger) -> GoodLines:
     return good
 
 
+def is_suspect(block: Block, plan: Plan) -> bool:
+    """Tell whether a block holds damage that splits into cells without an error.
+
+    A quotation mark that is left open swallows the lines after it, which shows; in the last line
+    of a block there is nothing to swallow.
+    """
+    last_line = block.data[int(block.ends[-2]) if block.ends.size > 1 else 0 :]
+    return b"\0" in block.data or last_line.count(b'"') % 2 == 1 or ends_in_a_number(block, plan)
+
+
 def ends_in_a_number(block: Block, plan: Plan) -> bool:
     """Tell whether a file without a last line end stops in the middle of a number."""
     mark = plan.numbers.decimal

@@ -9,10 +9,10 @@ from historian.numbers import NumberFormat, grouping_of
 from historian.options import ReadOptions
 from historian.table_shape import Table
 
-_ONE_GROUP = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}\Z")
-_PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z")
-_POINT_GROUP = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}\Z")
-_EXPONENT = re.compile(r"[eE][+-]?\d+\Z")
+_ONE_GROUP = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}\Z", re.ASCII)
+_PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
+_POINT_GROUP = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}\Z", re.ASCII)
+_EXPONENT = re.compile(r"[eE][+-]?\d+\Z", re.ASCII)
 
 
 def decide_numbers(table: Table, assignment: Assignment, options: ReadOptions) -> NumberFormat:

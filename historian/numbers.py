@@ -13,12 +13,12 @@ SMALLEST = 1.17549435e-38
 LARGEST = 3.4028235e38
 """Largest single-precision number: beyond it a cell is no measurement."""
 
-_POINT = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z")
+_POINT = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
 _GROUPS = {
-    ",": re.compile(r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d*)?\Z"),
-    ".": re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+(?:,\d*)?\Z"),
-    " ": re.compile(r"[+-]?\d{1,3}(?: \d{3})+(?:[.,]\d*)?\Z"),
-    "'": re.compile(r"[+-]?\d{1,3}(?:'\d{3})+(?:[.,]\d*)?\Z"),
+    ",": re.compile(r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d*)?\Z", re.ASCII),
+    ".": re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+(?:,\d*)?\Z", re.ASCII),
+    " ": re.compile(r"[+-]?\d{1,3}(?: \d{3})+(?:[.,]\d*)?\Z", re.ASCII),
+    "'": re.compile(r"[+-]?\d{1,3}(?:'\d{3})+(?:[.,]\d*)?\Z", re.ASCII),
 }
 _BLANKS = str.maketrans({"\u00a0": " ", "\u202f": " ", "\u2009": " ", "\u2019": "'", "\u2212": "-"})
 
