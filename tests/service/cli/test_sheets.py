@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable
 from typing import Any
-from uuid import uuid4
 
 import pytest
 from fastapi.testclient import TestClient
@@ -146,7 +145,11 @@ def test_who_wrote_a_draft_may_approve_it_only_if_the_site_says_so(
         ("approve TIC-101 1", 2, "Missing option '--reason'"),
         ("approve TIC-101 0 --reason because", 2, "'VERSION'"),
         ("approve TIC-101 one --reason because", 2, "'VERSION'"),
-        (f"draft TIC-101 --tuning {uuid4()} --reason because", 1, "There is no tuning"),
+        (
+            "draft TIC-101 --tuning 5167b2b8-e9b0-4c6d-84a4-fb47b61b0796 --reason because",
+            1,
+            "There is no tuning",
+        ),
         ("draft TIC-101 --tuning best --reason because", 2, "'--tuning'"),
         ("show TIC-101", 1, "There is no approved sheet of loop TIC-101"),
         ("show TIC-101 --version 7", 1, "There is no sheet version 7"),
