@@ -1,5 +1,6 @@
 """`loopwright demo` as a person starts it: once, killed, again, and again."""
 
+import contextlib
 import json
 import os
 import re
@@ -9,7 +10,7 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,20 @@ import pytest
 
 from historian.csv_file import read_export
 from loop.plants import PLANT, step_test
+from service.audit.actions import verify
 from service.cli import run
-from service.demo_loading import TESTS_START, export_text
+from service.database import Database
+from service.demo_loading import (
+    PIECES,
+    TESTS_START,
+    Installation,
+    export_text,
+    is_loaded,
+    load,
+)
 from service.demo_plant import APPROVER, DEMO, ENGINEER
+from service.samples import open_samples
+from service.settings import Settings
 
 LOOPWRIGHT = Path(sys.executable).with_name("loopwright")
 PATIENCE = 120.0  # s, of a machine that does much else
@@ -177,6 +189,46 @@ def look_at_loop(loop: str, key: str, tag: str) -> None:
             assert version["evidence"]["passes"] is True
         if sheet.decision == "rejected":
             assert version["evidence"]["passes"] is False
+
+
+def test_a_load_that_stops_anywhere_goes_on_there(
+    installation: Path, sqlite_held: Database, said: Callable[[], tuple[str, str]]
+) -> None:
+    settings = Settings(data=installation)
+    into = Installation(held=sqlite_held, samples=open_samples(settings), settings=settings)
+
+    class Stopped(Exception):
+        pass
+
+    def load_up_to(pieces: int) -> int:
+        told: list[str] = []
+
+        def tell(what: str) -> None:
+            if len(told) == pieces:
+                raise Stopped
+            told.append(what)
+
+        with contextlib.suppress(Stopped):
+            load(into, tell)
+        return len(told)
+
+    lines = 0
+    for pieces in (1, 3, 4, 15, PIECES + 1):
+        assert load_up_to(pieces) == min(pieces, PIECES)
+        # One line for each piece of each kind: nothing is there twice, nothing without its line.
+        found = rows(installation)
+        assert trail_length(sqlite_held) == sum(found.values()) > lines
+        lines = sum(found.values())
+        assert is_loaded(sqlite_held, settings) is False
+    assert rows(installation) == ROWS | {"api_key": 0}
+    assert said()[1] == ""
+
+
+def trail_length(held: Database) -> int:
+    with held.readings() as session:
+        verdict = verify(session)
+    assert verdict.intact
+    return verdict.rows
 
 
 def test_somebodys_installation_is_not_filled_with_a_demo(
