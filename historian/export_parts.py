@@ -1,8 +1,8 @@
 """A long export a part at a time, so that its length does not decide the memory it takes.
 
-Only where the parts do not need each other: in a wide file whose times are in UTC or elapsed. In
-the other layouts a signal is held from samples that may lie anywhere in the file, and local time
-needs the order of all rows around the hour that repeats in autumn: those are read as one part.
+Only where the parts do not need each other: in a wide file. In the other layouts a signal is held
+from samples that may lie anywhere in the file, so those are read as one part. Local time needs the
+order of the rows around the hour that repeats in autumn: no part ends within two days of it.
 """
 
 import itertools
@@ -21,9 +21,13 @@ from historian.export import Export, Times
 from historian.options import Layout, ReadOptions
 from historian.plan import Plan
 from historian.planning import plan_for, read_head
+from historian.timestamps import SECOND
 from historian.walk import Walk
+from historian.zones import changes_between, zone_named
 
 PART_BYTES = 16_000_000
+LAST_ROWS = 20
+AROUND = 2 * 86_400  # s
 UNEVEN, EVEN = 10.0, 1.5  # usual spacings that make a gap, as `historian.series` counts them
 
 
@@ -70,7 +74,7 @@ def read_in_parts(
             blocks(reader, read_head(reader), plan.encoding, progress), plan.table.first_line
         )
         for first in walked:
-            streams = walk.streams(_part(first, walked, part_bytes))
+            streams = walk.streams(_part(plan, first, walked, part_bytes))
             if any(stream.instants.size for stream in streams):
                 kept = True
                 yield assemble(plan, streams, ledger)
@@ -79,8 +83,9 @@ def read_in_parts(
 
 
 def _can_be_parted(plan: Plan) -> bool:
-    known = plan.time.is_utc or plan.time.is_elapsed
-    return plan.assignment.layout is Layout.WIDE and known
+    zoned = plan.time.is_utc or plan.options.time_zone is not None
+    timed = plan.time.is_elapsed or (plan.time.is_calendar and zoned)
+    return plan.assignment.layout is Layout.WIDE and timed
 
 
 def _from_line(walked: Iterable[Block], first_line: int) -> Iterator[Block]:
@@ -97,14 +102,30 @@ def _from_line(walked: Iterable[Block], first_line: int) -> Iterator[Block]:
             )
 
 
-def _part(first: Block, walked: Iterator[Block], part_bytes: int) -> Iterator[Block]:
-    """Take blocks up to the size of a part."""
+def _part(plan: Plan, first: Block, walked: Iterator[Block], part_bytes: int) -> Iterator[Block]:
+    """Take blocks up to the size of a part, and on to where it may end."""
     taken = 0
     for block in itertools.chain([first], walked):
         yield block
         taken += len(block.data)
-        if taken >= part_bytes:
+        if taken >= part_bytes and _may_end_with(block, plan):
             return
+
+
+def _may_end_with(block: Block, plan: Plan) -> bool:
+    """Tell whether no clock is set around the last rows of a block."""
+    if plan.options.time_zone is None or plan.time.is_utc or plan.time.is_elapsed:
+        return True
+    row = max(0, block.ends.size - LAST_ROWS)
+    start = int(block.ends[row - 1]) if row else 0
+    end = replace(block, data=block.data[start:], ends=block.ends[row:] - start)
+    streams = Walk(plan, Ledger(0)).streams([end])
+    times = [instant // SECOND for stream in streams for instant in stream.instants.tolist()]
+    if not times:
+        return False
+    zone = zone_named(plan.options.time_zone)
+    around = changes_between(zone, int(min(times)) - AROUND, int(max(times)) + AROUND)
+    return not around[1]
 
 
 @dataclass(slots=True)

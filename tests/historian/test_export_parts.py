@@ -106,11 +106,28 @@ def test_elapsed_time_is_read_in_parts_too(tmp_path: Path) -> None:
     assert account.total() == next(iter(read_export(path).loops.values())).accounting
 
 
-def test_local_time_and_other_layouts_are_read_as_one_part(
+@pytest.mark.parametrize("step", [2, 30, 60], ids=["12 hours", "8 days", "16 days"])
+def test_local_time_is_never_cut_where_the_clock_is_set_back(
+    write: Callable[[list[str]], Path], step: int
+) -> None:
+    middle = np.datetime64("2026-10-25T01:00", "s")  # when it is set back, in UTC
+    stamps = middle - step * N // 2 + step * np.arange(N)
+    berlin = np.where(stamps < middle, 7200, 3600).astype("m8[s]")
+    local = np.datetime_as_string(stamps + berlin, unit="s").tolist()
+    path = write([f"{stamp},{n}.0,{n % 7}.5,AUTO,{NOTE}" for n, stamp in enumerate(local)])
+    parts, account = in_parts(path, time_zone="Europe/Berlin")
+    assert len(parts) == (1 if step == 2 else 2)
+    times = np.concatenate([part.loops["F"].time for part in parts])
+    np.testing.assert_array_equal(times, stamps)
+    whole = read_export(path, options=ReadOptions(time_zone="Europe/Berlin"))
+    assert account.total() == whole.loops["F"].accounting
+
+
+def test_other_layouts_and_unknown_zones_are_read_as_one_part(
     write: Callable[[list[str]], Path], tmp_path: Path
 ) -> None:
     local = [line.replace("Z,", ",") for line in lines(list(range(N)))]
-    assert len(in_parts(write(local), time_zone="Europe/Berlin")[0]) == 1
+    assert len(in_parts(write(local))[0]) == 1
     long = tmp_path / "long.csv"
     long.write_text(
         "tag,time,value\n"
