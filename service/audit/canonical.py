@@ -39,7 +39,7 @@ def canonical(value: object) -> bytes:
     Examples
     --------
     >>> canonical({"b": [1.0, 1e21, True], "a": "é"})
-    b'{"a":"\\xc3\\xa9","b":[1,1e+21,true]}'
+    b'{"a":"\xc3\xa9","b":[1,1e+21,true]}'
     """
     return _text(value).encode()
 
