@@ -72,7 +72,7 @@ def _dead_times(problem: Problem, spacing: float) -> Real:
     grid: list[Real] = [np.zeros(1)]
     if bounds.latest > spacing:
         grid.append(_geometric(spacing, bounds.latest, THETA_RATIO))
-    if bounds.earliest < 0:
+    if bounds.earliest < -spacing:
         grid.append(-_geometric(spacing, -bounds.earliest, THETA_RATIO))
     if problem.held.moves > 3:  # periodic moves leave local minima between wide points
         grid.append(np.linspace(0, bounds.latest, 60)[1:])

@@ -196,6 +196,13 @@ def test_an_answer_before_the_move_shows_as_a_negative_dead_time_where_allowed()
     assert (fit.K, fit.tau, fit.theta) == pytest.approx((2, 40, -60), rel=1e-6)
 
 
+def test_a_negative_dead_time_of_less_than_a_sample_is_searched_as_well() -> None:
+    t = np.concatenate((np.arange(20) * 1e-3, 1 + np.arange(300.0)))
+    pv = record(t, step_at(0.015), process=(2, 40, 10))
+    fit = fopdt_least_squares(t, pv, step_at(0.015), earliest=-0.014)
+    assert (fit.K, fit.tau, fit.theta) == pytest.approx((2, 40, 10), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("t", "pv", "held"),
     [
