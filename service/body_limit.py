@@ -7,8 +7,6 @@ from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.problems import too_large
-
 
 class BodyLimit:
     """Middleware that stops reading a body at its limit.
@@ -43,8 +41,7 @@ class BodyLimit:
         limit = self._limit(scope)
         stated = Headers(scope=scope).get("content-length", "")
         if stated.isdecimal() and int(stated) > limit:
-            await too_large()(scope, receive, send)
-            return
+            raise _too_large(limit)
         read = 0
 
         async def receive_counted() -> Message:
@@ -53,7 +50,7 @@ class BodyLimit:
             if message["type"] == "http.request":
                 read += len(message.get("body", b""))
                 if read > limit:
-                    raise HTTPException(413)
+                    raise _too_large(limit)
             return message
 
         await self.app(scope, receive_counted, send)
@@ -62,3 +59,10 @@ class BodyLimit:
         if any(pattern.fullmatch(scope["path"]) for pattern in self.uploads):
             return self.upload_limit
         return self.limit
+
+
+def _too_large(limit: int) -> HTTPException:
+    """Refuse a body, with an error that the framework does not take for broken JSON."""
+    return HTTPException(
+        413, f"It may have at most {limit} bytes. Send less at a time, or have the limit raised."
+    )

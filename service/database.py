@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session, sessionmaker
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from service.audit.trail import announce_head, refuse_unaudited, watch_changes
+from service.errors import NotReady
 from service.plain_json import dump_strictly
 
 # Longer than any transaction of ours takes, shorter than a client waits.
@@ -38,9 +39,18 @@ class Database:
     readings: sessionmaker[Session]
 
     @classmethod
-    def at(cls, url: URL | str) -> Self:
-        """Describe the database at an address; nothing connects before the first statement."""
-        engine = _engine(make_url(url))
+    def at(cls, url: URL | str, *, create: bool = False) -> Self:
+        """Describe the database at an address; nothing connects before the first statement.
+
+        Parameters
+        ----------
+        url : URL or str
+            Its address.
+        create : bool
+            Let SQLite make the file. Otherwise one that was moved away is missed, and not stood in
+            for by an empty one.
+        """
+        engine = _engine(make_url(url), create)
         snapshot = (
             engine.execution_options(reading=True)
             if engine.dialect.name == "sqlite"
@@ -54,18 +64,18 @@ class Database:
         return cls(engine, sessions, sessionmaker(snapshot, expire_on_commit=False))
 
 
-def _engine(url: URL) -> Engine:
+def _engine(url: URL, create: bool) -> Engine:
     if url.get_backend_name() == "sqlite":
-        return _sqlite(url)
+        return _sqlite(url, create)
     if url.get_backend_name() == "postgresql":
         return _postgresql(url.set(drivername="postgresql+psycopg"))
     raise ValueError(f"the database must be SQLite or PostgreSQL, not {url.get_backend_name()}")
 
 
-def _sqlite(url: URL) -> Engine:
+def _sqlite(url: URL, create: bool) -> Engine:
     if not url.database or url.database == ":memory:":
         raise ValueError("SQLite needs a file: every connection to :memory: is its own database")
-    folder = Path(url.database).parent
+    file = Path(url.database)
     # isolation_level None stops the driver from guessing where transactions begin; we say it.
     engine = create_engine(
         url,
@@ -76,8 +86,17 @@ def _sqlite(url: URL) -> Engine:
     )
 
     @event.listens_for(engine, "do_connect")
-    def make_folder(*_: object) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
+    def find_file(*_: object) -> None:
+        if create:
+            file.parent.mkdir(parents=True, exist_ok=True)
+        elif not file.is_file():
+            # Without its path: anybody may read the answer.
+            raise NotReady(
+                [
+                    "The database's file is not there: put it back, or make a new one with "
+                    "'loopwright migrate'."
+                ]
+            )
 
     @event.listens_for(engine, "connect")
     def configure(connection: DBAPIConnection, _: ConnectionPoolEntry) -> None:

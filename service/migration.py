@@ -31,7 +31,7 @@ def migrate(url: URL | str) -> str:
 
     Two at once wait for each other. A database that is there already is left as it is.
     """
-    held = Database.at(url)
+    held = Database.at(url, create=True)
     try:
         with held.engine.begin() as connection:
             if connection.dialect.name == "postgresql":

@@ -2,6 +2,7 @@
 
 import errno
 import re
+import sqlite3
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -10,6 +11,7 @@ import fastapi
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
+from psycopg.errors import DiskFull as DatabaseFull
 from pydantic import BaseModel, ConfigDict
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
@@ -60,6 +62,7 @@ PROBLEMS: dict[type[Exception], Kind] = {
 }
 INTERNAL = Kind(500, "internal-error")
 STORAGE_FULL = Kind(507, "storage-full")
+TOO_LARGE = Kind(413, "content-too-large")
 # Answers of the framework itself. Names of our own: Python's change between versions.
 FROM_FRAMEWORK = {
     404: "not-found",
@@ -114,16 +117,27 @@ def kind_of(error: Exception) -> Kind | None:
 
     An engineering refusal without an entry of its own answers 422 under the name of its class.
     """
+    if _means_full(error):
+        return STORAGE_FULL
     for ancestor in type(error).__mro__:
         if ancestor in PROBLEMS:
             return PROBLEMS[ancestor]
         if ancestor is LoopError:
             return Kind(422, slug_of(type(error).__name__))
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return STORAGE_FULL
     if isinstance(error, HTTPException):
         return Kind(error.status_code, FROM_FRAMEWORK.get(error.status_code, "bad-request"))
     return None
+
+
+def _means_full(error: Exception) -> bool:
+    """Tell whether there is no room, neither on our own disk nor on the database's."""
+    if isinstance(error, OSError):
+        return error.errno in (errno.ENOSPC, errno.EDQUOT)
+    cause = error.orig if isinstance(error, OperationalError) else None
+    if isinstance(cause, sqlite3.Error):
+        # The driver leaves the code out of errors that are its own.
+        return getattr(cause, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
+    return isinstance(cause, DatabaseFull)
 
 
 def slug_of(name: str) -> str:
@@ -165,7 +179,9 @@ def answer_to(error: Exception) -> JSONResponse | None:
     if isinstance(error, RequestValidationError):
         return problem(kind, title="The request is not valid.", members={"errors": _faults(error)})
     if isinstance(error, HTTPException):
-        return problem(kind, title=_TITLES[kind.slug], headers=error.headers)
+        # The framework's own words say no more than the title, those of ours name the limit.
+        detail = error.detail if kind == TOO_LARGE else None
+        return problem(kind, title=_TITLES[kind.slug], detail=detail, headers=error.headers)
     headers = _HEADERS.get(kind.status)
     if isinstance(error, errors.ServiceError | LoopError):
         title = (type(error).__doc__ or kind.slug).partition("\n")[0]
@@ -181,11 +197,6 @@ def internal_error(request_id: str) -> JSONResponse:
         detail=f"Nothing was stored. The log has the cause under the id {request_id}.",
         members={"id": request_id},
     )
-
-
-def too_large() -> JSONResponse:
-    """Answer a request whose body is beyond the limit."""
-    return problem(Kind(413, "content-too-large"), title=_TITLES["content-too-large"])
 
 
 def add_problem_handlers(app: FastAPI) -> None:
