@@ -276,7 +276,7 @@ def grow_old(data: Path) -> None:
     ages = {data / "uploads": JUST_MADE, data / "samples": DEAD_AFTER}
     for folder, age in ages.items():
         for path in folder.rglob("*"):
-            past = time.time() - 1 - (DEAD_AFTER if path.suffix == ".json" else age)
+            past = time.time() - 1 - (age if path.is_dir() else DEAD_AFTER)
             os.utime(path, (past, past))
 
 
