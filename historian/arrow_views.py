@@ -39,11 +39,6 @@ def as_flags(array: pa.Array) -> Flags:
     return _bits(array.buffers()[1], array.offset, len(array))
 
 
-def is_known(array: pa.Array) -> Flags:
-    """Tell where an array is not null."""
-    return _validity(array) if array.null_count else np.ones(len(array), dtype=np.bool_)
-
-
 def taken(array: pa.Array, rows: Integers) -> pa.Array:
     """Take some rows of an array."""
     places = np.ascontiguousarray(rows, dtype=np.int64)
@@ -51,9 +46,7 @@ def taken(array: pa.Array, rows: Integers) -> pa.Array:
 
 
 def lengths(array: pa.Array) -> Integers:
-    """Measure the cells of a string array. [bytes]"""
-    if not len(array):
-        return np.zeros(0, dtype=np.int64)
+    """Measure the cells of a string array that has some. [bytes]"""
     offsets = np.frombuffer(array.buffers()[1], dtype=np.int32)
     return np.diff(offsets[array.offset : array.offset + len(array) + 1]).astype(np.int64)
 
@@ -71,7 +64,5 @@ def _validity(array: pa.Array) -> Flags:
 
 
 def _bits(buffer: pa.Buffer, offset: int, count: int) -> Flags:
-    if not count:
-        return np.zeros(0, dtype=np.bool_)
     packed = np.frombuffer(buffer, dtype=np.uint8)
     return np.unpackbits(packed, count=offset + count, bitorder="little")[offset:].astype(np.bool_)

@@ -52,31 +52,32 @@ def _is_infinite(word: str) -> bool:
 def blank_bad_quality(
     plan: Plan,
     ledger: Ledger,
-    tag: str,
-    column: int,
-    words: Words,
+    scheme: Scheme,
+    tags: Words,
+    quality: Words,
     values: Real,
     lines: Integers,
     used: Flags,
 ) -> Real:
-    """Turn values of bad or unknown quality into gaps."""
-    scheme = plan.schemes.get(column, Scheme.WORDS)
-    counted = used & np.isfinite(values)
-    bad = np.zeros(values.size, dtype=np.bool_)
-    for place, word in enumerate(words.words):
-        good = is_good(word, scheme, plan.options.good_quality)
-        if good:
-            continue
-        where = (words.places == place) & counted
-        bad |= where
-        if not where.any():
-            continue
-        if good is None:
+    """Turn values of bad or unknown quality into gaps, and account for them by tag."""
+    verdicts = [is_good(word, scheme, plan.options.good_quality) for word in quality.words]
+    good = np.array([verdict is True for verdict in verdicts])[quality.places]
+    bad = np.flatnonzero(~good & used & np.isfinite(values))
+    if not bad.size:
+        return values
+    pairs = tags.places[bad] * len(quality.words) + quality.places[bad]
+    for pair in np.unique(pairs).tolist():
+        tag = tags.words[pair // len(quality.words)]
+        word = quality.words[pair % len(quality.words)]
+        rows = bad[pairs == pair]
+        if verdicts[pair % len(quality.words)] is None:
             reason = "its quality is not known" if word else "no quality is stated"
-            ledger.reject_cells(lines[where], tag, word, reason)
+            ledger.reject_cells(lines[rows], tag, word, reason)
         else:
-            ledger.gap_word(tag, f"quality {word}", int(np.count_nonzero(where)))
-    return np.where(bad, np.nan, values) if bad.any() else values
+            ledger.gap_word(tag, f"quality {word}", rows.size)
+    values = values.copy()
+    values[bad] = np.nan
+    return values
 
 
 def modes_of(plan: Plan, ledger: Ledger, words: Words, used: Flags) -> Codes:
@@ -87,7 +88,5 @@ def modes_of(plan: Plan, ledger: Ledger, words: Words, used: Flags) -> Codes:
         if mode is not None:
             codes[place] = mode
         elif word and not is_bad_word(word):
-            count = int(np.count_nonzero((words.places == place) & used))
-            if count:
-                ledger.unknown_modes[word] += count
+            ledger.unknown_modes[word] += int(np.count_nonzero((words.places == place) & used))
     return codes[words.places]

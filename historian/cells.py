@@ -1,6 +1,5 @@
 """Cells of one block as arrays: numbers at full speed, the odd cells one by one."""
 
-import csv
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +11,7 @@ import pyarrow.csv as pa_csv
 from historian.accounting import Ledger
 from historian.arrow_views import as_flags, as_floats, as_integers, equals, taken
 from historian.encoding import Block, text_of
+from historian.errors import ExportRefused
 from historian.lines import clean_lines, is_suspect
 from historian.numbers import LARGEST, without_denormals
 from historian.options import Layout
@@ -75,10 +75,7 @@ class Cells:
 
     def is_time_text(self, column: int, rows: Places, text: str) -> Flags:
         """Tell in which of some rows a time cell holds exactly this text."""
-        cells = taken(self.times[column], rows)
-        if pa.types.is_dictionary(cells.type):
-            cells = cells.dictionary_decode()
-        return equals(pc.ascii_trim_whitespace(cells), text)
+        return equals(pc.ascii_trim_whitespace(taken(self.times[column], rows)), text)
 
     def empty_in(self, column: int, used: Flags) -> int:
         """Count the empty cells of a number column in the rows that are used."""
@@ -131,7 +128,10 @@ class CellReader:
             ends = np.cumsum([len(text) + 1 for text in good.texts])
             table = self._parse(data, numbers_as_text=not self._direct)
             if table is None or table.num_rows != len(lines):
-                table = self._split_by_hand(good.texts)
+                raise ExportRefused(
+                    "The lines cannot be split into cells; state the right delimiter.",
+                    line=good.numbers[0],
+                )
         assert lines is not None  # noqa: S101
         return self._cells(table, data, ends, lines)
 
@@ -171,22 +171,6 @@ class CellReader:
                 decimal_point=self._plan.numbers.decimal,
             ),
         )
-
-    def _split_by_hand(self, texts: list[bytes]) -> pa.Table:
-        delimiter = self._plan.table.delimiter
-        rows = [
-            next(csv.reader([text_of(text, self._plan.encoding)], delimiter=delimiter), [])
-            for text in texts
-        ]
-        columns = {}
-        for column in self._used:
-            cells = [row[column] if column < len(row) else "" for row in rows]
-            array = pa.array(cells, pa.string())
-            few = column not in self._plan.number_columns and (
-                column in self._plan.word_columns or self._plan.assignment.layout is Layout.LONG
-            )
-            columns[str(column)] = array.dictionary_encode() if few else array
-        return pa.table(columns)
 
     def _cells(self, table: pa.Table, data: bytes, ends: Places, lines: LineNumbers) -> Cells:
         cells = Cells(lines=lines, numbers={}, words={}, times={})
@@ -232,9 +216,7 @@ class CellReader:
         values, places, words = self._numbers_of(pa.concat_arrays(arrays))
         for order, column in enumerate(columns):
             first, end = order * rows.size, (order + 1) * rows.size
-            numbers = cells.numbers[column]
-            if not numbers.flags.writeable:
-                numbers = numbers.copy()
+            numbers = cells.numbers[column].copy()  # it may be Arrow's own memory
             numbers[rows] = values[first:end]
             cells.numbers[column] = numbers
             cells.gaps.add(column)
@@ -285,10 +267,7 @@ def _matches(texts: pa.Array, pattern: str) -> pa.Array:
 
 
 def _joined(table: pa.Table, column: int) -> pa.Array:
-    chunked = table.column(str(column))
-    if chunked.num_chunks == 1:
-        return chunked.chunk(0)
-    return chunked.combine_chunks()
+    return table.column(str(column)).chunk(0)  # a block is read as one chunk
 
 
 def _only_lines(data: bytes, ends: Places, rows: Places) -> bytes:

@@ -10,7 +10,7 @@ from historian.errors import AmbiguousColumns, ColumnNotFound
 from historian.options import Columns, ReadOptions
 from historian.quality import is_good_word, plain_word
 from historian.table_shape import Table
-from historian.tag_map import Part, part_of, split_unit
+from historian.tag_map import Part, part_of, same_tag, split_unit
 
 TAG_NAMES = frozenset(
     {"tag", "tags", "tagname", "tagid", "tag_id", "varname", "variable", "name", "point",
@@ -176,10 +176,11 @@ class ColumnView:
         if stated is None:
             part = part_of(tag)
             return part is not None and part.part is Part.MODE
-        if str(stated).casefold() == tag.casefold():
-            return True
-        names = {self.table.names[column].casefold(), _plain_name(tag), str(column + 1)}
-        return str(stated).casefold() in names or _plain_name(str(stated)) == _plain_name(tag)
+        return (
+            same_tag(stated, tag)
+            or same_tag(stated, self.table.names[column])
+            or str(stated) == str(column + 1)
+        )
 
 
 def _plain_name(name: str) -> str:

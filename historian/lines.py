@@ -1,5 +1,6 @@
 """Sort the lines of a block that is not a clean table: samples, remarks and damaged lines."""
 
+import csv
 from dataclasses import dataclass, field
 
 from historian.accounting import Ledger
@@ -33,30 +34,50 @@ def clean_lines(block: Block, plan: Plan, ledger: Ledger) -> GoodLines:
         texts.pop()
     last = block.first_line + len(texts) - 1
     for number, text in enumerate(texts, start=block.first_line):
-        if not text.strip():
-            ledger.passed_over["empty lines"] += 1
+        remark = _remark_in(text, plan)
+        if remark is not None:
+            ledger.passed_over[remark] += 1
             continue
-        reason = None
-        if b"\0" in text:
-            reason = "it holds NUL bytes"
-        elif b"\r" in text.rstrip(b"\r"):
-            reason = "it holds a carriage return"
-        elif text.count(b'"') % 2:
-            reason = "a quotation mark is not closed"
-        elif number == last and ends_in_a_number(block, plan):
-            reason = "its last number ends in the decimal mark"
+        cut_off = number == last and not block.terminated
+        reason = _damage_in(text) or (
+            "its last number ends in the decimal mark"
+            if cut_off and ends_in_a_number(block, plan)
+            else None
+        )
         if reason is None:
-            fitted, reason = _fit(text, plan, ledger)
+            fitted, reason = _fit(text, plan)
             if fitted is not None:
                 good.texts.append(fitted)
                 good.numbers.append(number)
                 continue
-        if reason:
-            if number == last and not block.terminated:
-                reason = f"the last line is cut off, {reason}"
-            ledger.rows_read[""] += 1
-            ledger.reject_row(number, text_of(text, plan.encoding), reason)
+        if cut_off:
+            reason = f"the last line is cut off, {reason}"
+        ledger.rows_read[""] += 1
+        ledger.reject_row(number, text_of(text, plan.encoding), reason)
     return good
+
+
+def _remark_in(text: bytes, plan: Plan) -> str | None:
+    """Say what a line is that is meant for people: empty, a comment, a section, a heading."""
+    if not text.strip():
+        return "empty lines"
+    line = text_of(text, plan.encoding)
+    if text[:1] in b"*#/ [" and (is_comment(line) or is_section(line)):
+        return "comments" if is_comment(line) else "sections"
+    if text.startswith(b'"$RT_'):
+        return "footers"
+    cells = split_cells(line, plan.table.delimiter)[:2]
+    if all(plan.heading_of(column) == cell for column, cell in enumerate(cells)):
+        return "repeated headings"
+    return None
+
+
+def _damage_in(text: bytes) -> str | None:
+    if b"\0" in text:
+        return "it holds NUL bytes"
+    if b"\r" in text.rstrip(b"\r"):
+        return "it holds a carriage return"
+    return "a quotation mark is not closed" if text.count(b'"') % 2 else None
 
 
 def is_suspect(block: Block, plan: Plan) -> bool:
@@ -77,41 +98,30 @@ def ends_in_a_number(block: Block, plan: Plan) -> bool:
     )
 
 
-def _fit(text: bytes, plan: Plan, ledger: Ledger) -> tuple[bytes | None, str | None]:
+def _fit(text: bytes, plan: Plan) -> tuple[bytes | None, str]:
     """Return the line with as many cells as the table, or the reason why it has not."""
     delimiter, width = plan.table.delimiter, plan.table.width
-    if b'"' in text:
-        cells = split_cells(text_of(text, plan.encoding), delimiter)
-        found = len(cells)
-    else:
-        found = text.count(delimiter.encode()) + 1
-        cells = []
-    if found == width and not text.startswith((b"*", b"#", b"/")):
-        return text, None
-    shown = text_of(text, plan.encoding)
-    for what, fits in (
-        ("comments", is_comment(shown)),
-        ("sections", is_section(shown)),
-        ("footers", shown.startswith('"$RT_')),
-    ):
-        if fits:
-            ledger.passed_over[what] += 1
-            return None, None
-    if found == width:
-        return text, None
-    cells = cells or split_cells(shown, delimiter)
-    if found > width and not any(cells[width:]):
-        return _rebuilt(text, cells, width, delimiter), None
-    if found < width and plan.assignment.layout is Layout.PAIRS:
-        return text + delimiter.encode() * (width - found), None
-    if all(plan.heading_of(column) == cell for column, cell in enumerate(cells[:2])):
-        ledger.passed_over["repeated headings"] += 1
-        return None, None
-    return None, f"it has {found} columns instead of {width}"
+    cells = text.split(delimiter.encode())
+    quoted = b'"' in text
+    if quoted:
+        found = _quoted_cells(text, delimiter)
+        if found is None:
+            return None, "its quotation marks are misplaced"
+        cells = found
+    if len(cells) == width:
+        return text, ""
+    if len(cells) > width and not any(cell.strip() for cell in cells[width:]):
+        kept = (b'"' + c.replace(b'"', b'""') + b'"' if quoted else c for c in cells[:width])
+        return delimiter.encode().join(kept), ""
+    if len(cells) < width and plan.assignment.layout is Layout.PAIRS:
+        return text.rstrip(b"\r") + delimiter.encode() * (width - len(cells)), ""
+    return None, f"it has {len(cells)} columns instead of {width}"
 
 
-def _rebuilt(text: bytes, cells: list[str], width: int, delimiter: str) -> bytes:
-    if b'"' in text:
-        quoted = ('"' + cell.replace('"', '""') + '"' for cell in cells[:width])
-        return delimiter.join(quoted).encode()
-    return delimiter.encode().join(text.split(delimiter.encode())[:width])
+def _quoted_cells(text: bytes, delimiter: str) -> list[bytes] | None:
+    line = text.decode("latin-1")  # every byte stays what it is
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter, strict=True))
+    except csv.Error:
+        return None
+    return [cell.encode("latin-1") for cell in cells]

@@ -114,38 +114,29 @@ class LongRows:
             kept = ~modes[words.places[rows]]
             rows, odd = rows[kept], Words(odd.places[kept], odd.words)
         self._account(cells, words, rows, odd, values, used)
-        if self._columns.quality is not None:
-            for tag, where in self._by_tag(words, used):
-                values = blank_bad_quality(
-                    self._plan, self._ledger, tag, self._columns.quality,
-                    cells.words[self._columns.quality], values, cells.lines, where,
-                )  # fmt: skip
-        return values
-
-    def _by_tag(self, words: Words, used: Flags) -> list[tuple[str, Flags]]:
-        return [(word, used & (words.places == place)) for place, word in enumerate(words.words)]
+        if self._columns.quality is None:
+            return values
+        quality = cells.words[self._columns.quality]
+        scheme = self._plan.schemes[self._columns.quality]
+        return blank_bad_quality(
+            self._plan, self._ledger, scheme, words, quality, values, cells.lines, used
+        )
 
     def _is_mode(self, tag: str) -> bool:
         return self._plan.is_mode_tag(tag)
 
     def _modes_set(self, values: Real, where: Flags, rows: Integers, odd: Words) -> Real:
         """Read the values of mode tags, numbers and words alike, as modes."""
-        chosen = np.flatnonzero(where)
-        texts = dict.fromkeys(chosen.tolist(), "")
-        for row, place in zip(rows.tolist(), odd.places.tolist(), strict=True):
-            if row in texts:
-                texts[row] = odd.words[place]
-        for row in chosen.tolist():
-            if np.isfinite(values[row]):
-                texts[row] = f"{values[row]:g}"
-        different = list(dict.fromkeys(texts.values()))
-        order = {text: place for place, text in enumerate(different)}
-        places = np.array([order[texts[row]] for row in chosen.tolist()], dtype=np.int64)
-        every = np.ones(chosen.size, dtype=np.bool_)
-        values = values.copy()
-        if chosen.size:
-            values[chosen] = modes_of(self._plan, self._ledger, Words(places, different), every)
-        return values
+        places = np.zeros(values.size, dtype=np.int64)
+        different = ["", *odd.words]
+        worded = where[rows]
+        places[rows[worded]] = odd.places[worded] + 1
+        numeric = where & np.isfinite(values)
+        numbers, order = np.unique(values[numeric], return_inverse=True)
+        places[numeric] = order + len(different)
+        different += [f"{number:g}" for number in numbers.tolist()]
+        modes = modes_of(self._plan, self._ledger, Words(places, different), where)
+        return np.where(where, modes, values)
 
     def _account(
         self, cells: Cells, words: Words, rows: Integers, odd: Words, values: Real, used: Flags

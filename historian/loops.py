@@ -55,7 +55,7 @@ def find_members(
     """
     tags = tuple(tags)
     stated = {part: getattr(options.columns, part.value) for part in Part}
-    if stated[Part.PV] is not None or stated[Part.OP] is not None:
+    if any(name is not None for name in stated.values()):
         return _stated(tags, columns, stated, options.tag)
     members: list[Membership] = []
     incomplete: dict[str, ExportRefused] = {}

@@ -8,7 +8,7 @@ from historian.numbers import NumberFormat
 from historian.options import ReadOptions
 from historian.quality import Scheme
 from historian.table_shape import Table
-from historian.tag_map import Part, part_of
+from historian.tag_map import Part, part_of, same_tag
 from historian.time_format import TimeFormat
 
 
@@ -52,7 +52,7 @@ class Plan:
         """Tell whether a tag of a long file holds modes."""
         stated = self.options.columns.mode
         if stated is not None:
-            return tag.casefold() == str(stated).casefold()
+            return same_tag(stated, tag)
         part = part_of(tag)
         return part is not None and part.part is Part.MODE
 

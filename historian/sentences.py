@@ -69,6 +69,7 @@ def remarks(ledger: Ledger, loops: Mapping[str, LoopSamples]) -> tuple[str, ...]
     found += [
         f"mode {word!r} ({count} rows) is UNKNOWN; state its meaning with mode_codes"
         for word, count in ledger.unknown_modes.items()
+        if count
     ]
     zeroed = sum(ledger.zeroed.values())
     if zeroed:

@@ -120,8 +120,13 @@ def is_midnight(text: str) -> bool:
     if shape is None or not (shape.has_date and shape.has_clock):
         return False
     if "half" in shape.spans:
-        return False
-    names = ("hour", "minute", "second_", "fraction")
+        hour = text[slice(*shape.spans["hour"])]
+        return hour == "12" and text[shape.spans["half"][0]] in "aA" and _is_zero(text, shape, 1)
+    return _is_zero(text, shape, 0)
+
+
+def _is_zero(text: str, shape: Shape, first: int) -> bool:
+    names = ("hour", "minute", "second_", "fraction")[first:]
     return all(not text[slice(*shape.spans[n])].strip("0") for n in names if n in shape.spans)
 
 

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 
 
 class Part(StrEnum):
@@ -62,6 +63,7 @@ def split_unit(header: str) -> tuple[str, str]:
     return header[: found.start()], (found["round"] or found["square"] or "").strip()
 
 
+@lru_cache(maxsize=65_536)
 def part_of(tag: str) -> TagPart | None:
     """Read the part of a tag from its name, None where the name does not tell.
 
@@ -78,6 +80,12 @@ def part_of(tag: str) -> TagPart | None:
             if loop:
                 return TagPart(loop, part)
     return None
+
+
+def same_tag(stated: str | int, tag: str) -> bool:
+    """Tell whether a user means a tag, whatever its case and with or without its unit."""
+    wanted = str(stated).strip().casefold()
+    return wanted in {tag.casefold(), split_unit(tag)[0].casefold()}
 
 
 def group_by_loop(tags: Iterable[str]) -> dict[str, dict[Part, list[str]]]:

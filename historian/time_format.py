@@ -87,8 +87,6 @@ def names_time(header: str) -> bool:
 
 def possible_orders(fields: np.typing.NDArray[np.int64]) -> tuple[str, ...]:
     """List the orders in which all dates in digits exist, from their three numbers."""
-    if not len(fields):
-        return ("D/M/Y", "M/D/Y", "Y/M/D")
     first, second, third = (fields[:, place] for place in range(3))
     is_day = [np.all((f >= 1) & (f <= 31)) for f in (first, second, third)]
     is_month = [np.all((f >= 1) & (f <= 12)) for f in (first, second, third)]
@@ -135,9 +133,8 @@ class OpenOrder:
 
 def _reading(stamp: str, order: str) -> str:
     shape = shape_of(stamp)
-    if shape is None or "first" not in shape.spans:
-        return stamp
-    parts = [int(stamp[slice(*shape.spans[name])]) for name in ("first", "second", "third")]
+    assert shape is not None  # noqa: S101 - its date was read before
+    parts = _fields(stamp, shape)
     places = {"D/M/Y": (2, 1, 0), "M/D/Y": (2, 0, 1), "Y/M/D": (0, 1, 2)}[order]
     year, month, day = (parts[place] for place in places)
     if year < 100:
@@ -147,7 +144,7 @@ def _reading(stamp: str, order: str) -> str:
 
 
 def decide_stamps(cells: list[str], options: ReadOptions) -> TimeFormat | OpenOrder:
-    """Decide the format of stamps in words and digits from a sample.
+    """Decide the format of stamps in words and digits from a sample that has some.
 
     Raises
     ------
@@ -155,11 +152,6 @@ def decide_stamps(cells: list[str], options: ReadOptions) -> TimeFormat | OpenOr
         Where no single order fits, or stamps with and without a zone are mixed.
     """
     shapes = [(cell, shape) for cell in cells if (shape := shape_of(cell)) is not None]
-    if not shapes:
-        raise ExportRefused(
-            f"The times, such as {cells[0] if cells else ''!r}, are in no known format; "
-            f"the known ones are {', '.join(TIME_FORMATS)}."
-        )
     example = shapes[0][0]
     zoned = sum(shape.utc_sign is not None for _, shape in shapes) * 2 > len(shapes)
     stated = options.time_format

@@ -8,7 +8,7 @@ import numpy as np
 from historian.accounting import NO_TIME, NOT_A_TIME, Ledger
 from historian.assignment import Signal
 from historian.cell_meaning import account_odd_cells, blank_bad_quality, modes_of
-from historian.cells import CellReader, Cells
+from historian.cells import CellReader, Cells, Words
 from historian.encoding import Block
 from historian.instants import InstantReader
 from historian.long_rows import LongRows
@@ -124,13 +124,9 @@ class Walk:
         self._ledger.empty[signal.tag] += cells.empty_in(signal.column, used)
         if signal.quality is None:
             return values
+        owner = Words(np.zeros(values.size, dtype=np.int64), [signal.tag])
+        quality = cells.words[signal.quality]
+        scheme = self._plan.schemes[signal.quality]
         return blank_bad_quality(
-            self._plan,
-            self._ledger,
-            signal.tag,
-            signal.quality,
-            cells.words[signal.quality],
-            values,
-            cells.lines,
-            used,
+            self._plan, self._ledger, scheme, owner, quality, values, cells.lines, used
         )
