@@ -35,6 +35,8 @@ VALUES, MOST_VALUES = 250, 5000
 # unsteady start begins, an average must be narrow against tau and the corner that lies within it
 # off by less than this part of that average's error.
 WORTHWHILE, NOISY, NARROW, SHARP = 20, 1e-3, 0.1, 0.5
+# So few samples cost hardly more a step than their averages, which are then not worth a descent.
+FEW = 4096
 # The first steps need no more than to start the last ones well.
 CLOSE = 1e-3
 # A time constant of 30 records cannot be told from an integrator, one of a fiftieth of a sample not
@@ -192,11 +194,14 @@ def fopdt_least_squares(
         reached = [descend(averaged, *start, CLOSE)[0] for start in found]
         best = min(reached, key=lambda point: point.sse)
         found = [(best.tau, best.theta)]
-    fit = _result(averaged, *descend(averaged, *found[0], 0.0), t.size, few.scatter)
-    if few.t.size == t.size or _averages_do(fit, few):
-        return fit
+    begin = found[0]
+    if few.t.size == t.size or t.size > FEW:
+        fit = _result(averaged, *descend(averaged, *begin, 0.0), t.size, few.scatter)
+        if few.t.size == t.size or _averages_do(fit, few):
+            return fit
+        begin = (fit.tau, fit.theta)
     whole = problem(Samples(t=t, pv=pv, weight=weight))
-    return _result(whole, *descend(whole, fit.tau, fit.theta, 0.0), t.size, 0.0)
+    return _result(whole, *descend(whole, *begin, 0.0), t.size, 0.0)
 
 
 def _averages_do(fit: LeastSquaresFit, few: Samples) -> bool:
