@@ -102,4 +102,6 @@ def _bucket_starts(n: int, moved: Indices, at_most: int) -> Indices:
     rising = np.arange(share) / share
     for first, end in zip(moves, [*moves[1:], n], strict=True):
         starts += [np.array([first]), first + float(end - first) ** rising]
-    return _increasing(starts)
+    whole = _increasing(starts)
+    # A move at the very last sample has no sample after it.
+    return whole[whole < n]

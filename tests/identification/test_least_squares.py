@@ -267,3 +267,14 @@ def test_buckets_keep_sums_and_start_anew_at_every_move() -> None:
     assert {1000.0, 1001.0, 3000.0, 3001.0} <= set(fine.t.tolist())
     assert condense(t, pv, instants, at_most=5000).weight is None
     assert condense(t, pv, np.array([]), at_most=100).t.size <= 100
+
+
+def test_a_move_at_the_very_last_sample_does_no_harm() -> None:
+    t = np.arange(6000.0)
+    moves = np.array([100.0, 2000.0, 5999.0])
+    levels = np.array([0.0, 1.0, 0.0, 1.0])
+    held = HeldInput(instants=moves, levels=levels)
+    x, _, _ = lag_response(held, t, 50.0, 20.0)
+    fit = fopdt_least_squares(t, 2 * x, held)
+    assert fit.theta == pytest.approx(20.0, rel=1e-4)
+    assert condense(t, x, moves, at_most=1000).weight is not None
