@@ -26,7 +26,7 @@ serve: install
 	$(VENV)/bin/loopwright serve
 
 test: install
-	$(PY) -m pytest -q -n 2
+	$(PY) -m pytest -q -n 2 --dist worksteal
 
 check: install
 	$(PY) -m ruff format --check .

@@ -27,12 +27,12 @@ from service.tables import AuditRow, RecordRow
 
 ANNA = Actor(owner="Anna", role=Role.ENGINEER)
 ROWS = 30
-KILLS = 10
+KILLS = 5
 
 
 @pytest.fixture
 def database_url(sqlite_url: URL) -> URL:
-    """Say which database: test_kill.py holds both to their transactions."""
+    """Say which database: test_crash.py holds both to their transactions."""
     return sqlite_url
 
 
