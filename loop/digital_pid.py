@@ -14,15 +14,22 @@ import numpy as np
 
 from loop.batch import PIDBatch
 from loop.controller import PID
-from loop.signals import Real
+from loop.signals import Flags, Real
 
 
 class AntiWindup(StrEnum):
-    """What the integral does while the output is at a limit."""
+    """What the integral does while the output is at a limit.
+
+    TRACKING sets it in every scan so that the law goes on from the output that was sent. VELOCITY
+    adds the change of the law to the output that was sent, which with integral action is the same;
+    a controller without integral action keeps the shift and drifts.
+    """
 
     NONE = "none"
     CLAMPING = "clamping"
     BACK_CALCULATION = "back calculation"
+    TRACKING = "tracking"
+    VELOCITY = "velocity form"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +73,7 @@ class ScanLaw:
     u = F within the limits
     I = I + track (u - F)                  back-calculation
     I = I' if that moved F further out     clamping
+    I, F and v + track (u - F)             tracking and velocity form
 
     where the prime marks the scan before. The action's sign is in kP, kI and kD.
     """
@@ -92,7 +100,8 @@ def scan_laws(
     """Discretise controllers for a scan time.
 
     kI = Kc dt/Ti, kD = Kc Td (1 - dD)/dt with dD = e^(-dt N/Td), dF = e^(-dt/tauF),
-    track = 1 - e^(-dt/Tt)
+    track = 1 - e^(-dt/Tt) for back-calculation, 1 for tracking and velocity form, and 0 without
+    integral action unless in velocity form
 
     Parameters
     ----------
@@ -110,7 +119,6 @@ def scan_laws(
     lag = (1 - dF) * tauF / dt
     default = np.sqrt(Ti) * np.sqrt(np.where(Td > 0, Td, Ti))  # as `tracking_time`
     tracking = default if Tt is None else np.full_like(Ti, Tt)
-    tracks = (anti_windup is AntiWindup.BACK_CALCULATION) & np.isfinite(Ti)
     return ScanLaw(
         kP=Kc,
         kI=Kc * dt / Ti,
@@ -121,8 +129,20 @@ def scan_laws(
         dF=dF,
         f0=1 - lag,
         f1=lag - dF,
-        track=np.where(tracks, 1 - _decay(dt, tracking), 0.0),
+        track=_track(anti_windup, np.isfinite(Ti), 1 - _decay(dt, tracking)),
     )
+
+
+def _track(anti_windup: AntiWindup, integrates: Flags, back_calculated: Real) -> Real:
+    match anti_windup:
+        case AntiWindup.BACK_CALCULATION:
+            return np.where(integrates, back_calculated, 0.0)
+        case AntiWindup.TRACKING:
+            return np.where(integrates, 1.0, 0.0)
+        case AntiWindup.VELOCITY:
+            return np.ones(integrates.size)
+        case _:
+            return np.zeros(integrates.size)
 
 
 def _settings(controllers: Sequence[PID] | PIDBatch) -> list[Real]:

@@ -1,6 +1,7 @@
 """What is done to a loop in a simulation: set point, loads, noise, limits, start."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -8,7 +9,9 @@ import numpy as np
 
 from loop.digital_pid import AntiWindup, OutputLimits
 from loop.sampled_process import scans_in
+from loop.sensor_faults import SensorFault
 from loop.signals import Real
+from loop.valve import Valve
 
 # A day at 10 ms; above it, a forgotten unit is likelier than a plan.
 MOST_SCANS = 10_000_000
@@ -65,6 +68,26 @@ Signal: TypeAlias = float | Step | Ramp | Real
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Manual:
+    """Run in manual at first; the law follows the output, so that the transfer has no bump.
+
+    Attributes
+    ----------
+    until : float
+        Instant of the transfer to automatic. [s]
+    op : Signal, optional
+        Output by hand; `op0` if not given. Steps and ramps start from `op0`. [OP]
+    """
+
+    until: float
+    op: Signal | None = None
+
+    def __post_init__(self) -> None:
+        if not self.until > 0:
+            raise ValueError(f"until must be positive, got {self.until}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Experiment:
     """One experiment on one loop or on a batch of m loops.
 
@@ -95,6 +118,15 @@ class Experiment:
         Tracking time of back-calculation; by `tracking_time` if not given. [s]
     pv0, op0 : float
         Steady state before t = 0, in which set point and process variable agree. [PV], [OP]
+    valve : Valve, optional
+        Valve between output and process, at rest in the middle of its play; without friction if
+        not given.
+    faults : sequence of SensorFault
+        Faults of the sensor, each on top of the one before.
+    pv_filter : float
+        Time constant of a first-order filter between the sensor and the law, 0 for none. [s]
+    manual : Manual, optional
+        Time in manual before the law takes over; none if not given.
     """
 
     t_end: float
@@ -110,6 +142,10 @@ class Experiment:
     Tt: float | None = None
     pv0: float = 0.0
     op0: float = 0.0
+    valve: Valve | None = None
+    faults: Sequence[SensorFault] = ()
+    pv_filter: float = 0.0
+    manual: Manual | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.dt < math.inf:
@@ -132,6 +168,8 @@ class Experiment:
             raise ValueError(f"resolution must be 0 or positive, got {self.resolution}")
         if self.Tt is not None and not self.Tt > 0:
             raise ValueError(f"Tt must be positive, got {self.Tt}")
+        if not 0 <= self.pv_filter < math.inf:
+            raise ValueError(f"pv_filter must be 0 or positive, got {self.pv_filter}")
 
     @property
     def t(self) -> Real:
@@ -149,6 +187,27 @@ class Experiment:
     def output_disturbance(self, t: Real) -> Real:
         """Disturbance of the process variable at every scan, shape (n,) or (n, m). [PV]"""
         return _values("output_load", self.output_load, t, 0.0)
+
+    def output_by_hand(self, t: Real) -> list[float | None]:
+        """Output in manual as a deviation from rest, none in automatic, for every scan. [OP]
+
+        Raises
+        ------
+        ValueError
+            The output by hand is not one value a scan within the limits.
+        """
+        if self.manual is None:
+            return [None] * t.size
+        op = _values("op", self.op0 if self.manual.op is None else self.manual.op, t, self.op0)
+        if op.shape != t.shape:
+            raise ValueError(f"op in manual must have the shape ({t.size},), got {op.shape}")
+        held = op[t < self.manual.until]
+        if held.size and not self.limits.low <= held.min() <= held.max() <= self.limits.high:
+            raise ValueError(
+                f"op in manual must lie within the limits {self.limits.low} and "
+                f"{self.limits.high}, got {held.min()} to {held.max()}"
+            )
+        return [*(held - self.op0).tolist(), *[None] * (t.size - held.size)]
 
     def measurement_noise(self, t: Real, loops: int | None = None) -> Real:
         """Noise of the sensor at every scan, shape (n,) or for several loops (n, loops). [PV]"""

@@ -121,4 +121,5 @@ def simulate_relay(
         pv=np.array(pv) + pv0,
         op=np.array(moves[-t.size :]) + op0,
         true_pv=np.array(true_pv) + pv0,
+        position=np.array(moves[-t.size :]) + op0,
     )

@@ -1,17 +1,19 @@
 """Closed-loop simulation of one loop: a digital PID around an exactly sampled process."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from loop.controller import PID
-from loop.digital_pid import AntiWindup, OutputLimits, ScanLaw, scan_laws
-from loop.errors import LoopDiverged
-from loop.experiment import Experiment, Signal
+from loop.digital_pid import AntiWindup, OutputLimits, scan_laws
+from loop.experiment import Experiment, Manual, Signal
 from loop.process import Process
-from loop.sampled_process import SampledProcesses, sampled
-from loop.scanning import DIVERGED, Course, Traces, scan_many, scan_one
+from loop.sampled_process import sampled
+from loop.scanning import Course, scan_one
+from loop.sensor_faults import SensorFault
 from loop.signals import Real
+from loop.valve import Valve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,6 +32,8 @@ class Response:
         Controller output, held until the next scan. [OP]
     true_pv : ndarray, shape (n,)
         Process variable without noise, at full resolution. [PV]
+    position : ndarray, shape (n,)
+        Position of the valve, equal to the output where it has no friction. [OP]
     """
 
     t: Real
@@ -37,6 +41,7 @@ class Response:
     pv: Real
     op: Real
     true_pv: Real
+    position: Real
 
 
 def simulate(
@@ -56,6 +61,10 @@ def simulate(
     Tt: float | None = None,
     pv0: float = 0.0,
     op0: float = 0.0,
+    valve: Valve | None = None,
+    faults: Sequence[SensorFault] = (),
+    pv_filter: float = 0.0,
+    manual: Manual | None = None,
 ) -> Response:
     """Run a loop from rest.
 
@@ -91,6 +100,15 @@ def simulate(
         Tracking time of back-calculation; by `tracking_time` if not given. [s]
     pv0, op0 : float
         Steady state before t = 0. [PV], [OP]
+    valve : Choudhury, Kano, He or DeadBand, optional
+        Valve between output and process, at rest with its stem at the output; without friction if
+        not given.
+    faults : sequence of SensorFault
+        Faults of the sensor, each on top of the one before.
+    pv_filter : float
+        Time constant of a first-order filter between the sensor and the law, 0 for none. [s]
+    manual : Manual, optional
+        Time in manual before the law takes over; none if not given.
 
     Raises
     ------
@@ -113,27 +131,22 @@ def simulate(
         Tt=Tt,
         pv0=pv0,
         op0=op0,
+        valve=valve,
+        faults=faults,
+        pv_filter=pv_filter,
+        manual=manual,
     )
     plant = sampled([process], experiment.dt)
     law = scan_laws(
         [controller], experiment.dt, anti_windup=experiment.anti_windup, Tt=experiment.Tt
     )
     course = Course.of(experiment)
-    few_states = plant.C.shape[1] <= 2
-    traces = scan_one(plant, law, course) if few_states else _one_of_many(plant, law, course)
+    traces = scan_one(plant, law, course)
     return Response(
         t=experiment.t,
         sp=course.sp + experiment.pv0,
         pv=traces.pv + experiment.pv0,
         op=traces.op + experiment.op0,
         true_pv=traces.true_pv + experiment.pv0,
+        position=traces.position + experiment.op0,
     )
-
-
-def _one_of_many(plant: SampledProcesses, law: ScanLaw, course: Course) -> Traces:
-    """Run a process of higher order as a batch of one."""
-    many = scan_many(plant, law, course)
-    lost = ~(np.abs(many.pv[:, 0]) < DIVERGED)
-    if np.any(lost):
-        raise LoopDiverged(float(np.argmax(lost)) * course.dt)
-    return Traces(true_pv=many.true_pv[:, 0], pv=many.pv[:, 0], op=many.op[:, 0])

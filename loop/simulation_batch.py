@@ -10,11 +10,13 @@ import numpy as np
 from loop.batch import PIDBatch, ProcessBatch
 from loop.controller import PID
 from loop.digital_pid import AntiWindup, OutputLimits, scan_laws
-from loop.experiment import Experiment, Signal
+from loop.experiment import Experiment, Manual, Signal
 from loop.process import Process
 from loop.sampled_process import sampled
 from loop.scanning import DIVERGED, Course, scan_many
+from loop.sensor_faults import SensorFault
 from loop.signals import Flags, Real
+from loop.valve import Valve
 
 # Four arrays of eight bytes a sample: 1.6 GB.
 MOST_SAMPLES = 50_000_000
@@ -39,6 +41,8 @@ class BatchResponse:
         Controller outputs, held until the next scan. [OP]
     true_pv : ndarray, shape (n, m)
         Process variables without noise, at full resolution. [PV]
+    position : ndarray, shape (n, m)
+        Positions of the valves; without friction the same array as `op`. [OP]
     diverged : ndarray of bool, shape (m,)
         Loops that grow without bound; their traces end at a bound of 1e30.
     """
@@ -48,6 +52,7 @@ class BatchResponse:
     pv: Real
     op: Real
     true_pv: Real
+    position: Real
     diverged: Flags
 
 
@@ -68,6 +73,10 @@ def simulate_batch(
     Tt: float | None = None,
     pv0: float = 0.0,
     op0: float = 0.0,
+    valve: Valve | None = None,
+    faults: Sequence[SensorFault] = (),
+    pv_filter: float = 0.0,
+    manual: Manual | None = None,
 ) -> BatchResponse:
     """Run m loops from rest through the same experiment, by the law of `simulate`.
 
@@ -81,6 +90,10 @@ def simulate_batch(
         the common shape, the last axis first.
     t_end, dt, rng, resolution, limits, anti_windup, Tt, pv0, op0
         As in `simulate`, the same for all loops.
+    valve
+        As in `simulate`; a valve with arrays of shape (m,) gives every loop its own.
+    faults, pv_filter, manual
+        As in `simulate`, the same for all loops; spikes fall in other scans for every loop.
     sp, load, output_load, noise
         As in `simulate`; an array of shape (n, m) gives every loop its own. A noise given by its
         standard deviation is independent from loop to loop.
@@ -104,6 +117,10 @@ def simulate_batch(
         Tt=Tt,
         pv0=pv0,
         op0=op0,
+        valve=valve,
+        faults=faults,
+        pv_filter=pv_filter,
+        manual=manual,
     )
     shape = _common_shape(processes, controllers)
     loops = math.prod(shape)
@@ -129,12 +146,15 @@ def simulate_batch(
     course = Course.of(experiment, loops=loops)
     traces = scan_many(plant, law, course)
     diverged = ~np.all(np.abs(traces.pv) < DIVERGED, axis=0)
+    op = _from_rest(traces.op, diverged, op0)
+    sticks = traces.position is not traces.op
     return BatchResponse(
         t=experiment.t,
         sp=course.sp + pv0,
         pv=_from_rest(traces.pv, diverged, pv0),
-        op=_from_rest(traces.op, diverged, op0),
+        op=op,
         true_pv=_from_rest(traces.true_pv, diverged, pv0),
+        position=_from_rest(traces.position, diverged, op0) if sticks else op,
         diverged=diverged,
     )
 
