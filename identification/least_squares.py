@@ -129,6 +129,7 @@ def fopdt_least_squares(
     drift: bool = False,
     start: bool = False,
     earliest: float = 0.0,
+    latest: float | None = None,
 ) -> LeastSquaresFit:
     """Fit first order plus dead time to a record by least squares of the simulation error.
 
@@ -148,6 +149,9 @@ def fopdt_least_squares(
         Fit a start off rest, which dies out with tau.
     earliest : float
         Smallest dead time allowed; a negative one asks whether PV moved before OP. [s]
+    latest : float, optional
+        Largest dead time allowed, for an input that repeats itself. Default: what the record can
+        show. [s]
 
     Raises
     ------
@@ -168,7 +172,9 @@ def fopdt_least_squares(
         fastest=FASTEST * spacing,
         slowest=SLOWEST * span,
         earliest=earliest,
-        latest=max(t0 + span - float(held.instants[0]) - 2 * spacing, 0.0),
+        latest=max(t0 + span - float(held.instants[0]) - 2 * spacing, 0.0)
+        if latest is None
+        else latest,
     )
 
     def problem(samples: Samples) -> Problem:
