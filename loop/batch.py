@@ -110,6 +110,17 @@ class ProcessBatch:
             theta=np.asarray(process.theta),
         )
 
+    def take(self, rows: npt.NDArray[np.intp]) -> Self:
+        """Pick processes of a batch of shape (n,) by index.
+
+        Parameters
+        ----------
+        rows : ndarray of int
+            Indices; one may repeat.
+        """
+        columns = (np.broadcast_to(getattr(self, f.name), self.shape)[rows] for f in fields(self))
+        return type(self)(*columns)
+
     def scaled(
         self, *, K: npt.ArrayLike = 1.0, tau: npt.ArrayLike = 1.0, theta: npt.ArrayLike = 1.0
     ) -> Self:

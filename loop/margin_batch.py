@@ -1,6 +1,7 @@
 """Margins of many loops at once, with exact dead time."""
 
 import math
+from collections.abc import Callable
 from dataclasses import fields
 
 import numpy as np
@@ -14,7 +15,7 @@ from loop.lag_loops import LagLoops
 from loop.margins import Margins, loop_margins
 from loop.process import LARGEST
 from loop.scan_batch import scan_margins
-from loop.signals import Real
+from loop.signals import Flags
 
 __all__ = ["MarginBatch", "batch_margins"]
 
@@ -47,35 +48,18 @@ def batch_margins(
     if not np.all((hold >= 0) & (hold <= LARGEST / 2)):
         raise ValueError(f"sample_time must lie within 0 and {LARGEST:g} s everywhere")
     shape = np.broadcast_shapes(processes.shape, controllers.shape, hold.shape)
-    loops = LagLoops.of(processes, controllers, hold, shape)
-    if loops.size <= CHUNK:
-        parts = [_margins(loops)]
-    else:
-        starts = range(0, loops.size, CHUNK)
-        parts = [_margins(loops.take(slice(first, first + CHUNK))) for first in starts]
-
-    def gather(name: str) -> Real:
-        columns = [getattr(part, name) for part in parts]
-        return (columns[0] if len(columns) == 1 else np.concatenate(columns)).reshape(shape)
-
-    return MarginBatch(
-        stable=gather("stable").astype(bool),
-        gain=gather("gain"),
-        gain_reduction=gather("gain_reduction"),
-        phase=gather("phase"),
-        delay=gather("delay"),
-        Ms=gather("Ms"),
-        Mt=gather("Mt"),
-    )
+    found = _margins(LagLoops.of(processes, controllers, hold, shape))
+    return MarginBatch(**{name: getattr(found, name).reshape(shape) for name in NAMES})
 
 
 def _margins(loops: LagLoops) -> MarginBatch:
-    found, proven = falling_margins(loops)
+    found, proven = _in_chunks(loops, falling_margins)
     if proven.all():
         return found
+    # One scan for all of them: its first few loops cost as much as the next hundred.
     rest = np.flatnonzero(~proven)
     part = loops.take(rest)
-    scanned = scan_margins(part)
+    scanned, _ = _in_chunks(part, lambda some: (scan_margins(some), np.zeros(0, dtype=bool)))
     for name in NAMES:
         getattr(found, name)[rest] = getattr(scanned, name)
     # Without dead time a gain that never falls ends on the real axis: rare, and left to the scalar.
@@ -85,6 +69,20 @@ def _margins(loops: LagLoops) -> MarginBatch:
         for name in NAMES[1:]:
             getattr(found, name)[row] = getattr(one, name)
     return found
+
+
+def _in_chunks(
+    loops: LagLoops, work: Callable[[LagLoops], tuple[MarginBatch, Flags]]
+) -> tuple[MarginBatch, Flags]:
+    """Do the work for some loops at a time and put the parts together."""
+    if loops.size <= CHUNK:
+        return work(loops)
+    starts = range(0, loops.size, CHUNK)
+    parts = [work(loops.take(slice(first, first + CHUNK))) for first in starts]
+    found = {
+        name: np.concatenate([getattr(margins, name) for margins, _ in parts]) for name in NAMES
+    }
+    return MarginBatch(**found), np.concatenate([flags for _, flags in parts])
 
 
 def _one(loops: LagLoops, row: int) -> Margins:

@@ -13,6 +13,7 @@ from tuning.ultimate import UltimatePoint, ultimate_point
 
 Status: TypeAlias = Literal["confirmed", "memory"]
 P = TypeVar("P", FOPDT, IPDT, SOPDT, DoubleIntegrator)
+C = TypeVar("C")
 
 STATUS_TEXT: Mapping[Status, str] = {
     "confirmed": "the original was not read; a second public source or a computation agrees",
@@ -127,6 +128,18 @@ def require_dead_time(process: FOPDT | IPDT, rule: str) -> float:
     return process.theta
 
 
+def dead_time_ratio(process: Process, rule: str) -> tuple[FOPDT, float]:
+    """Return the first-order model and r = theta/tau, which is not 0. [-]
+
+    Raises
+    ------
+    RuleNotApplicable
+        There is no dead time, or the process has another type.
+    """
+    model = accept(process, FOPDT, rule)
+    return model, require_dead_time(model, rule) / model.tau
+
+
 def chosen_tau_c(tau_c: float | None, default: float, rule: str) -> float:
     """Check a chosen closed-loop time constant, or take the default. [s]
 
@@ -174,6 +187,16 @@ def without_speed(name: str, formula: Callable[[Process], PID]) -> Formula:
         if tau_c is not None:
             raise ValueError(f"{name} has no tau_c to choose, got {tau_c}: leave it out")
         return formula(process)
+
+    return tune
+
+
+def one_of(formula: Callable[[Process, C], PID], choice: C) -> Callable[[Process], PID]:
+    """Fix the column of a formula that is published as a table."""
+
+    @wraps(formula)
+    def tune(process: Process) -> PID:
+        return formula(process, choice)
 
     return tune
 

@@ -4,17 +4,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from loop.margin_batch import MarginBatch
 from loop.signals import Flags, Real
 from tuning.profiles import Profile
 from tuning.sweep import Sweep
-
-Plants: TypeAlias = npt.NDArray[np.intp]
 
 # Name of a margin in a sentence, and whether small values are the bad ones.
 MARGIN_NAMES: Mapping[str, tuple[str, bool]] = MappingProxyType(
@@ -97,82 +93,79 @@ def _limits(sweep: Sweep, profile: Profile) -> Mapping[str, Real]:
     return limits
 
 
-def first_failure(
-    sweep: Sweep, found: MarginBatch, broken: Plants, profile: Profile
-) -> Failure | None:
-    """Describe what gives way at the smallest error of the model.
+def failures(
+    sweep: Sweep, found: MarginBatch, holds: Flags, profile: Profile
+) -> list[tuple[Failure | None, Failure | None]]:
+    """Describe for each controller what gives way at the smallest error, and the gravest miss.
+
+    Instability outranks every limit.
 
     Parameters
     ----------
     sweep : Sweep
-        Plants, shape (n,).
-    found : MarginBatch, shape (n,)
-        Margins of one controller on them.
-    broken : ndarray of int
-        Plants on which the profile does not hold.
+        Plants, shape (n,) or more.
+    found : MarginBatch, shape (m, n) or more
+        Margins of m controllers on them.
+    holds : ndarray of bool, shape (m, n)
+        Whether the profile holds; only these first n plants are looked at.
     profile : Profile
         Limits on the margins.
+
+    Returns
+    -------
+    list of tuple of Failure or None
+        First and gravest failure of each controller; None where everything holds.
     """
-    error = np.abs(sweep.factors[broken] - 1).max(axis=1, initial=0.0).round(9)
-    return gravest_failure(sweep, found, broken[error == error.min(initial=math.inf)], profile)
+    n = holds.shape[1]
+    limits = {name: values[:n] for name, values in _limits(sweep, profile).items()}
+    overruns = np.array(
+        [_overrun(name, getattr(found, name)[:, :n], limit) for name, limit in limits.items()]
+    )
+    missed = overruns.max(axis=0)
+    missed[~found.stable[:, :n]] = math.inf
+    missed[holds] = -math.inf
+    error = np.where(holds, math.inf, np.abs(sweep.factors[:n] - 1).max(axis=1, initial=0.0))
+    error = error.round(9)
+    smallest = error == error.min(axis=1, keepdims=True)
+    first = np.argmax(np.where(smallest, missed, -math.inf), axis=1)
+    gravest = np.argmax(missed, axis=1)
 
-
-def gravest_failure(
-    sweep: Sweep, found: MarginBatch, broken: Plants, profile: Profile
-) -> Failure | None:
-    """Describe what is broken by most; instability outranks every limit.
-
-    Parameters
-    ----------
-    sweep : Sweep
-        Plants, shape (n,).
-    found : MarginBatch, shape (n,)
-        Margins of one controller on them.
-    broken : ndarray of int
-        Plants on which the profile does not hold.
-    profile : Profile
-        Limits on the margins.
-    """
-    if not broken.size:
-        return None
-    unstable = broken[~found.stable[broken]]
-    if unstable.size:
-        plant = int(unstable[0])
+    def at(case: int, plant: int) -> Failure:
         parameter, factor = sweep.moved[plant]
+        if not found.stable[case, plant]:
+            return Failure(
+                target="stable",
+                value=0.0,
+                limit=0.0,
+                overrun=math.inf,
+                parameter=parameter,
+                factor=factor,
+                sentence=f"the loop is unstable {sweep.where[plant]}",
+            )
+        row = int(np.argmax(overruns[:, case, plant]))
+        name = tuple(limits)[row]
+        value, limit = float(getattr(found, name)[case, plant]), float(limits[name][plant])
         return Failure(
-            target="stable",
-            value=0.0,
-            limit=0.0,
-            overrun=math.inf,
+            target=name,
+            value=value,
+            limit=limit,
+            overrun=float(overruns[row, case, plant]),
             parameter=parameter,
             factor=factor,
-            sentence=f"the loop is unstable {sweep.where[plant]}",
+            sentence=_sentence(name, value, limit, sweep.where[plant]),
         )
-    limits = _limits(sweep, profile)
-    names = tuple(limits)
-    overruns = np.array(
-        [_overrun(name, getattr(found, name)[broken], limits[name][broken]) for name in names]
-    )
-    row, column = divmod(int(np.argmax(overruns)), broken.size)
-    name, plant = names[row], int(broken[column])
-    value, limit = float(getattr(found, name)[plant]), float(limits[name][plant])
-    parameter, factor = sweep.moved[plant]
-    return Failure(
-        target=name,
-        value=value,
-        limit=limit,
-        overrun=float(overruns[row, column]),
-        parameter=parameter,
-        factor=factor,
-        sentence=_sentence(name, value, limit, sweep.where[plant]),
-    )
+
+    return [
+        (None, None) if row.all() else (at(case, int(first[case])), at(case, int(gravest[case])))
+        for case, row in enumerate(holds)
+    ]
 
 
 def _overrun(name: str, values: Real, limits: Real) -> Real:
     """How far limits are broken, as a ratio above 1 where they are. [-]"""
     if MARGIN_NAMES[name][1]:
         # Nothing is asked of a delay margin where there is no dead time.
-        beyond = np.where(limits > 0, math.inf, 0.0)
+        beyond = np.where(limits > 0, math.inf, 0.0) + np.zeros_like(values)
         return np.asarray(np.divide(limits, values, out=beyond, where=(limits > 0) & (values > 0)))
     return np.asarray(values / limits)
 

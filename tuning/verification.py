@@ -8,8 +8,10 @@ are reported and do not gate.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from loop.batch import PIDBatch
 from loop.controller import PID
@@ -21,12 +23,13 @@ from tuning.profiles import Profile
 from tuning.shortfall import (
     MARGIN_NAMES,
     Failure,
-    first_failure,
+    failures,
     gain_margin_words,
-    gravest_failure,
     profile_holds,
 )
 from tuning.sweep import FACTORS, Sweep, sweep_of
+
+Part: TypeAlias = "slice | int | tuple[slice, npt.NDArray[np.intp]]"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -196,15 +199,27 @@ def verify_many(
     if not controllers:
         return ()
     sweep = sweep_of(process)
-    found = batch_margins(sweep.plants, controller_column(controllers), sample_time=sample_time)
+    found = _margins_of(sweep, controller_column(controllers), sample_time)
     holds = profile_holds(sweep, found, profile)
     first_corner = len(sweep.where) - sweep.corners
     worst = _worst(sweep, found, slice(0, first_corner))
     worst_corner = _worst(sweep, found, slice(first_corner, len(sweep.where)))
+    missed = failures(sweep, found, holds[:, :first_corner], profile)
     return tuple(
-        _judge(sweep, _part(found, i, sweep.plants.shape), holds[i], profile, *worsts)
+        _judge(sweep, _part(found, i, sweep.plants.shape), holds[i], profile, missed[i], *worsts)
         for i, worsts in enumerate(zip(worst, worst_corner, strict=True))
     )
+
+
+def _margins_of(sweep: Sweep, controllers: PIDBatch, sample_time: float) -> MarginBatch:
+    """Margins of m controllers on the n plants; the model is in the sweep of each parameter too."""
+    at_model = np.all(sweep.factors == 1, axis=1)
+    own = np.flatnonzero(~at_model)
+    column = np.zeros(at_model.size, dtype=int)
+    column[own] = np.arange(own.size) + 1
+    plants = sweep.plants.take(np.concatenate([[0], own]))
+    found = batch_margins(plants, controllers, sample_time=sample_time)
+    return _part(found, (slice(None), column), (controllers.shape[0], column.size))
 
 
 def _judge(
@@ -212,13 +227,13 @@ def _judge(
     found: MarginBatch,
     holds: Flags,
     profile: Profile,
+    missed: tuple[Failure | None, Failure | None],
     worst: Mapping[str, Worst],
     worst_corner: Mapping[str, Worst],
 ) -> Verification:
     p, steps = len(sweep.parameters), len(FACTORS)
     single = slice(0, 1 + p * steps)
     corner = slice(1 + p * steps, None)
-    broken = np.flatnonzero(~holds[single])
     return Verification(
         profile=profile,
         stable=bool(found.stable[0]),
@@ -240,8 +255,8 @@ def _judge(
         corners_pass=bool(np.all(holds[corner])),
         worst=worst,
         worst_corner=worst_corner,
-        failure=first_failure(sweep, found, broken, profile),
-        gravest=gravest_failure(sweep, found, broken, profile),
+        failure=missed[0],
+        gravest=missed[1],
     )
 
 
@@ -275,7 +290,7 @@ def controller_column(controllers: Sequence[PID]) -> PIDBatch:
     )
 
 
-def _part(found: MarginBatch, part: slice | int, shape: tuple[int, ...]) -> MarginBatch:
+def _part(found: MarginBatch, part: Part, shape: tuple[int, ...]) -> MarginBatch:
     return MarginBatch(
         stable=found.stable[part].reshape(shape),
         gain=found.gain[part].reshape(shape),

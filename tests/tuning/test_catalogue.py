@@ -38,6 +38,14 @@ def taken(rule: Rule, structure: str, *numbers: float) -> list[Process]:
     return [process_of(kind, *numbers) for kind in rule.takes[structure]]
 
 
+def settings_or_none(rule: Rule, structure: str, process: Process) -> PID | None:
+    """Settings, or None where the rule refuses."""
+    try:
+        return rule.structures[structure](process)
+    except RuleNotApplicable:
+        return None
+
+
 @pytest.mark.parametrize(("rule", "structure"), COLUMNS, ids=IDS)
 def test_every_rule_names_its_source_aim_range_and_units(rule: Rule, structure: str) -> None:
     tune = rule.structures[structure]
@@ -86,7 +94,12 @@ def test_no_rule_depends_on_the_choice_of_units(
         strict=True,
     )
     for here, there, mirrored in pairs:
-        a, b, c = (rule.structures[structure](p) for p in (here, there, mirrored))
+        found = [settings_or_none(rule, structure, p) for p in (here, there, mirrored)]
+        if None in found:  # a range in theta/tau knows no units either
+            assert rule.name.startswith(("usort", "amigo_frequency"))
+            assert found == [None, None, None]
+            continue
+        a, b, c = (pid for pid in found if pid is not None)
         assert b.Kc * span == pytest.approx(a.Kc)
         assert (b.Ti, b.Td, b.tauF) == pytest.approx((a.Ti * unit, a.Td * unit, a.tauF * unit))
         assert (b.N, b.b, b.c) == pytest.approx((a.N, a.b, a.c))
@@ -98,7 +111,7 @@ def test_no_rule_depends_on_the_choice_of_units(
 @pytest.mark.parametrize(("rule", "structure"), COLUMNS, ids=IDS)
 def test_the_rule_takes_exactly_the_process_types_it_names(rule: Rule, structure: str) -> None:
     for kind in ("FOPDT", "SOPDT", "IPDT", "DoubleIntegrator", "TransferFunction"):
-        process = process_of(kind, 2.0, 10.0, 2.0)
+        process = process_of(kind, 2.0, 10.0, 5.0)
         if kind in rule.takes[structure]:
             assert isinstance(rule.structures[structure](process), PID)
             rule.notes(structure, process, 1.0)

@@ -54,6 +54,12 @@ def test_the_page_of_a_rule_names_it_its_source_and_its_default_speed(rule: Rule
                     "simc",
                     "isimc",
                     "amigo",
+                    "amigo-frequency",
+                    "chien-hrones-reswick",
+                    "kappa-tau",
+                    "minimum-error",
+                    "shinskey",
+                    "usort",
                     "verification",
                 )
             ),

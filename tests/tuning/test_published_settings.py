@@ -189,7 +189,7 @@ def test_settings_of_a_negative_gain_take_the_direct_action() -> None:
     for rule in RULES.values():
         for structure, types in rule.takes.items():
             process = {
-                "FOPDT": FOPDT(K=-2.0, tau=10.0, theta=3.0),
+                "FOPDT": FOPDT(K=-2.0, tau=10.0, theta=5.0),
                 "IPDT": IPDT(K=-0.5, theta=3.0),
                 "SOPDT": SOPDT(K=-2.0, tau1=10.0, tau2=1.0, theta=3.0),
             }[types[0]]
