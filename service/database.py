@@ -1,6 +1,7 @@
 """Engine, sessions and the one transaction of a request. Nothing else in the service commits."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Self
@@ -62,6 +63,12 @@ class Database:
         event.listen(sessions, "after_flush", watch_changes)
         event.listen(sessions, "after_commit", announce_head)
         return cls(engine, sessions, sessionmaker(snapshot, expire_on_commit=False))
+
+    @contextmanager
+    def transaction(self) -> Iterator[Session]:
+        """Give work that belongs to no request one transaction, committed at its end."""
+        with self.sessions.begin() as session:
+            yield session
 
 
 def _engine(url: URL, create: bool) -> Engine:

@@ -93,6 +93,14 @@ class BlockChanged(ServiceError):
         self.fields = fields
 
 
+class JobEnded(ServiceError):
+    """The job is over."""
+
+    def __init__(self, state: str) -> None:
+        super().__init__(f"This job is {state} already; there is nothing to stop.")
+        self.state = state
+
+
 class StaleVersion(ServiceError):
     """Somebody changed this in the meantime."""
 

@@ -11,6 +11,7 @@ from starlette.routing import compile_path
 
 from service.audit.routes import router as audit
 from service.health import router as operation
+from service.jobs.routes import router as jobs
 from service.keys.routes import router as keys
 from service.loops.routes import router as loops
 from service.models.routes import router as models
@@ -20,7 +21,7 @@ from service.sheets.routes import router as sheets
 from service.tunings.routes import router as tunings
 
 ROUTERS: tuple[APIRouter, ...] = (
-    loops, samples, models, tunings, sheets, keys, audit, operation
+    loops, samples, models, tunings, sheets, jobs, keys, audit, operation
 )  # fmt: skip
 UPLOADS: tuple[APIRouter, ...] = (records,)
 

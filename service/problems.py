@@ -46,6 +46,7 @@ PROBLEMS: dict[type[Exception], Kind] = {
     errors.LastAdminKey: Kind(409, "last-admin-key"),
     errors.SheetDecided: Kind(409, "sheet-decided"),
     errors.BlockChanged: Kind(409, "block-changed"),
+    errors.JobEnded: Kind(409, "job-ended"),
     errors.StaleVersion: Kind(412, "stale-version"),
     StaleDataError: Kind(412, "stale-version"),
     errors.IfMatchMissing: Kind(428, "if-match-missing"),

@@ -1,5 +1,6 @@
 """What an installation may set, from LOOPWRIGHT_* environment variables."""
 
+from datetime import time
 from pathlib import Path
 
 from pydantic import Field, field_validator
@@ -32,7 +33,19 @@ class Settings(BaseSettings):
     allow_self_approval: bool = Field(
         False, description="Let the author of a draft approve it, for a site with one engineer."
     )
+    daily_at: time | None = Field(
+        time(2, 0),
+        description="When yesterday's data are assessed, UTC, such as 02:00; off switches it off.",
+    )
+    job_processes: int = Field(
+        2, ge=1, le=256, description="Processes that assess loops beside each other."
+    )
     log_json: bool = Field(True, description="Log one JSON object a line; otherwise plain text.")
+
+    @field_validator("daily_at", mode="before")
+    @classmethod
+    def _off_is_never(cls, stated: object) -> object:
+        return None if stated == "off" else stated
 
     @field_validator("database_url")
     @classmethod

@@ -11,6 +11,7 @@ from sqlalchemy import (
     Dialect,
     ForeignKey,
     ForeignKeyConstraint,
+    Index,
     MetaData,
     String,
     TypeDecorator,
@@ -201,6 +202,75 @@ class SheetDecisionRow(Table):
     version: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     decision: Mapped[str]
     approval: Mapped[int | None]
+    reason: Mapped[str]
+    author: Mapped[str]
+    created_at: Mapped[datetime] = mapped_column(default=now)
+
+
+class JobRow(Table):
+    """Work that outlives the request that asked for it, and the process that does it."""
+
+    __tablename__ = "job"
+    __table_args__ = (
+        CheckConstraint(
+            "state in ('queued', 'running', 'done', 'failed', 'cancelled')", name="state"
+        ),
+        # Whoever looks for work reads the oldest of one state.
+        Index("ix_job_state_created_at", "state", "created_at"),
+    )
+
+    id: Mapped[UUID] = mapped_column(primary_key=True, default=uuid4)
+    kind: Mapped[str]
+    # What must not be done twice, such as the daily assessment of one date.
+    key: Mapped[str] = mapped_column(unique=True)
+    request: Mapped[dict[str, object]]
+    state: Mapped[str] = mapped_column(default="queued")
+    cancel: Mapped[bool] = mapped_column(default=False)
+    attempts: Mapped[int] = mapped_column(default=0)
+    owner: Mapped[str | None]
+    lease_until: Mapped[datetime | None]
+    # How far it is: everything before `done` of `total` steps is stored.
+    done: Mapped[int] = mapped_column(default=0)
+    total: Mapped[int | None]
+    message: Mapped[str] = mapped_column(default="")
+    result: Mapped[dict[str, object] | None]
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    started_at: Mapped[datetime | None]
+    finished_at: Mapped[datetime | None]
+    author: Mapped[str]
+
+
+class AssessmentRow(Table):
+    """What the routine data of one period say about a loop, by one version of the method."""
+
+    __tablename__ = "assessment"
+    __table_args__ = (
+        # A job that goes on after a kill stores no loop twice.
+        UniqueConstraint("job_id", "loop_id"),
+    )
+
+    id: Mapped[UUID] = mapped_column(primary_key=True, default=uuid4)
+    loop_id: Mapped[UUID] = mapped_column(ForeignKey("loop.id"), index=True)
+    job_id: Mapped[UUID | None] = mapped_column(ForeignKey("job.id"))
+    start: Mapped[datetime]
+    end: Mapped[datetime] = mapped_column(index=True)
+    method: Mapped[str]
+    grade: Mapped[float | None]
+    cause: Mapped[str]
+    confidence: Mapped[float | None]
+    body: Mapped[dict[str, object]]
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    author: Mapped[str]
+
+
+class OverruleRow(Table):
+    """A person's diagnosis in place of the computed one, with the reason. Never changed."""
+
+    __tablename__ = "overrule"
+
+    id: Mapped[UUID] = mapped_column(primary_key=True, default=uuid4)
+    assessment_id: Mapped[UUID] = mapped_column(ForeignKey("assessment.id"), index=True)
+    cause: Mapped[str]
     reason: Mapped[str]
     author: Mapped[str]
     created_at: Mapped[datetime] = mapped_column(default=now)
