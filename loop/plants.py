@@ -12,6 +12,7 @@ import numpy as np
 
 from loop.controller import PID, Action
 from loop.digital_pid import OutputLimits
+from loop.disturbances import coloured_noise, sudden_moves
 from loop.open_loop import process_output
 from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
 from loop.record import Mode, Record
@@ -224,9 +225,9 @@ def routine_operation(
     rng = _random(loop, seed)
     t = np.arange(scans_in(duration, loop.scan_time)) * loop.scan_time
     span = loop.pv_range[1] - loop.pv_range[0]
-    sp = loop.pv0 + _sudden_moves(t, 8 * loop.hold, 0.02 * span, rng)
-    load = _sudden_moves(t, 5 * loop.hold, 0.6 * loop.step, rng)
-    load += _drift(t, loop.hold, 0.1 * loop.step, rng)
+    sp = loop.pv0 + sudden_moves(t, every=8 * loop.hold, size=0.02 * span, rng=rng)
+    load = sudden_moves(t, every=5 * loop.hold, size=0.6 * loop.step, rng=rng)
+    load += coloured_noise(t, memory=loop.hold, size=0.1 * loop.step, rng=rng)
     run = simulate(
         loop.process,
         loop.controller,
@@ -285,23 +286,6 @@ def relay_test(
 def _random(loop: SimulatedLoop, seed: int) -> np.random.Generator:
     """Own source of randomness for every loop, the same on every machine."""
     return np.random.default_rng([seed, zlib.crc32(loop.tag.encode())])
-
-
-def _sudden_moves(t: Real, every: float, size: float, rng: np.random.Generator) -> Real:
-    """A level that jumps at random instants, on average once in `every` seconds."""
-    jumps = rng.random(t.size) < (t[1] - t[0]) / every
-    levels = np.concatenate([[0.0], rng.uniform(-size, size, np.count_nonzero(jumps))])
-    return np.asarray(levels[np.cumsum(jumps)])
-
-
-def _drift(t: Real, memory: float, size: float, rng: np.random.Generator) -> Real:
-    """First-order coloured noise with standard deviation `size`, from 0."""
-    keep = float(np.exp(-(t[1] - t[0]) / memory))
-    drift, level = [], 0.0
-    for push in rng.normal(0.0, size * np.sqrt(1 - keep**2), t.size).tolist():
-        drift.append(level)
-        level = keep * level + push
-    return np.array(drift)
 
 
 def _record(

@@ -3,7 +3,7 @@
 Both run in deviations from the initial rest.
 """
 
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 from typing import Self
 
@@ -128,12 +128,15 @@ class Traces:
     ----------
     true_pv, pv : ndarray
         PV without noise, and as the sensor shows it. [PV]
+    sp : ndarray, shape (n,) or (n, m)
+        Set point. [PV]
     op, position : ndarray
         Output, and position of the valve; the same array for a valve without friction. [OP]
     """
 
     true_pv: Real
     pv: Real
+    sp: Real
     op: Real
     position: Real
 
@@ -146,19 +149,47 @@ def scan_one(plant: SampledProcesses, law: ScanLaw, course: Course) -> Traces:
     LoopDiverged
         The loop grows without bound.
     """
-    scan, move = law_of_one(law, course.limits), motion_of_one(plant)
+    scans, move = one_loop(law, course), motion_of_one(plant)
+    u = next(scans)
+    try:
+        while True:
+            u = scans.send(move(u))
+    except StopIteration as end:
+        traces: Traces = end.value
+        return traces
+
+
+def one_loop(
+    law: ScanLaw, course: Course, remote_sp: Iterable[float] | None = None
+) -> Generator[float, float, Traces]:
+    """Run everything of one loop but its process: sensor, law, valve.
+
+    It gives the input of the process for every scan, takes the output of the process at the next
+    one, and returns the traces.
+
+    Parameters
+    ----------
+    law : ScanLaw
+        Numbers of the law; the first controller runs.
+    course : Course
+        What happens to the loop.
+    remote_sp : iterable of float, optional
+        Set point from elsewhere, taken once a scan, instead of that of the course. [PV]
+
+    Raises
+    ------
+    LoopDiverged
+        The loop grows without bound.
+    """
+    scan, sensor, smoothing = law_of_one(law, course.limits), course.sensor(), course.smoothing()
     stem = course.valve.one_stem() if course.valve else None
-    sensor, smoothing, resolution, pv0 = (
-        course.sensor(),
-        course.smoothing(),
-        course.resolution,
-        course.pv0,
-    )
+    resolution, pv0 = course.resolution, course.pv0
+    true_pv, pv, sp, op, position = [], [], [], [], []
+    signals = (course.load, course.disturbance, course.noise)
+    set_points = course.sp.tolist() if remote_sp is None else remote_sp
     x = 0.0
-    true_pv, pv, op, position = [], [], [], []
-    signals = (course.sp, course.load, course.disturbance, course.noise)
-    rows = zip(*(signal.tolist() for signal in signals), course.by_hand, strict=True)
-    for k, (r, load, disturbance, noise, by_hand) in enumerate(rows):
+    rows = zip(*(signal.tolist() for signal in signals), course.by_hand, set_points, strict=False)
+    for k, (load, disturbance, noise, by_hand, r) in enumerate(rows):
         y = x + disturbance
         m = y + noise
         if not -DIVERGED < m < DIVERGED:
@@ -170,15 +201,17 @@ def scan_one(plant: SampledProcesses, law: ScanLaw, course: Course) -> Traces:
         u = scan(r, smoothing.of_one(m) if smoothing else m, by_hand)
         true_pv.append(y)
         pv.append(m)
+        sp.append(r)
         op.append(u)
         if stem:
             u = stem(u)
             position.append(u)
-        x = move(u + load)
+        x = yield u + load
     outputs = np.array(op)
     return Traces(
         true_pv=np.array(true_pv),
         pv=np.array(pv),
+        sp=np.array(sp),
         op=outputs,
         position=np.array(position) if stem else outputs,
     )
@@ -207,7 +240,7 @@ def scan_many(plant: SampledProcesses, law: ScanLaw, course: Course) -> Traces:
             if stems:
                 position[k] = stems.step(op[k])
             motions.move(position[k], load)
-    return Traces(true_pv=true_pv, pv=pv, op=op, position=position)
+    return Traces(true_pv=true_pv, pv=pv, sp=course.sp, op=op, position=position)
 
 
 def _rows(signal: Real) -> Iterable[Real]:

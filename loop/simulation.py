@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from loop.digital_pid import AntiWindup, OutputLimits, scan_laws
 from loop.experiment import Experiment, Manual, Signal
 from loop.process import Process
 from loop.sampled_process import sampled
-from loop.scanning import Course, scan_one
+from loop.scanning import Course, Traces, scan_one
 from loop.sensor_faults import SensorFault
 from loop.signals import Real
 from loop.valve import Valve
@@ -42,6 +43,18 @@ class Response:
     op: Real
     true_pv: Real
     position: Real
+
+    @classmethod
+    def of(cls, traces: Traces, experiment: Experiment) -> Self:
+        """Add the values at rest to the traces of one loop."""
+        return cls(
+            t=experiment.t,
+            sp=traces.sp + experiment.pv0,
+            pv=traces.pv + experiment.pv0,
+            op=traces.op + experiment.op0,
+            true_pv=traces.true_pv + experiment.pv0,
+            position=traces.position + experiment.op0,
+        )
 
 
 def simulate(
@@ -140,13 +153,4 @@ def simulate(
     law = scan_laws(
         [controller], experiment.dt, anti_windup=experiment.anti_windup, Tt=experiment.Tt
     )
-    course = Course.of(experiment)
-    traces = scan_one(plant, law, course)
-    return Response(
-        t=experiment.t,
-        sp=course.sp + experiment.pv0,
-        pv=traces.pv + experiment.pv0,
-        op=traces.op + experiment.op0,
-        true_pv=traces.true_pv + experiment.pv0,
-        position=traces.position + experiment.op0,
-    )
+    return Response.of(scan_one(plant, law, Course.of(experiment)), experiment)
