@@ -12,6 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from advice.tune import TuningCase
+from identification.candidates import Candidate
 from identification.identify import Identification
 from identification.quality import Colour
 from identification.relay import RelayResult
@@ -194,16 +195,18 @@ def model_body(model: Identification) -> Body:
     """An identified model: parameters with errors, verdict, reasons and evidence.
 
     K, tau and theta are null where the model was refused; `fitted` then holds what least squares
-    gave all the same, which must not be used.
+    gave all the same, which must not be used. Errors belong to the parameters of `structure`, of
+    which `parameters` may be a simplification that tuning rules take.
     """
-    names = ("K", "tau", "theta")
     parameters = None if model.process is None else process_parameters(model.process)
+    # A relay's wave is fitted by one lag alone.
+    names = ("K", "tau", "theta") if model.structure is None else model.structure.structure.names
     errors: Body | None = None
     if model.standard_errors is not None:
         errors = dict(zip(names, map(number, model.standard_errors), strict=True))
     return {
         "kind": model.kind,
-        **{name: None if parameters is None else parameters[name] for name in names},
+        **{n: None if parameters is None else parameters.get(n) for n in ("K", "tau", "theta")},
         "parameters": parameters,
         "verdict": model.verdict.value,
         "reasons": list(model.reasons),
@@ -226,6 +229,30 @@ def model_body(model: Identification) -> Body:
         "span": number(model.span),
         "longest_gap": number(model.longest_gap),
         "steps": [step_body(reading) for reading in model.steps],
+        "structure": None if model.structure is None else structure_body(model.structure),
+        "candidates": []
+        if model.choice is None
+        else [structure_body(candidate) for candidate in model.choice.candidates],
+    }
+
+
+def structure_body(candidate: Candidate) -> Body:
+    """A process structure fitted to the record, with the figures that speak for or against it."""
+    names = candidate.structure.names
+    return {
+        "name": candidate.structure.name,
+        "formula": candidate.structure.formula,
+        "units": dict(zip(names, candidate.structure.units, strict=True)),
+        "parameters": dict(zip(names, map(number, candidate.values.tolist()), strict=True)),
+        "standard_errors": dict(
+            zip(names, map(number, candidate.standard_errors.tolist()), strict=True)
+        ),
+        "free_parameters": candidate.free,
+        "criterion": number(candidate.bic),
+        "largest_misfit": number(candidate.part),
+        "noise_sd": number(candidate.fit.noise_sd),
+        "residual": residual_body(candidate.colour),
+        "determined": candidate.determined,
     }
 
 

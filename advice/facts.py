@@ -4,6 +4,7 @@ import numpy as np
 
 from advice.display import digits
 from advice.tune import TuningCase
+from identification.candidates import Candidate
 from identification.identify import Identification
 from identification.relay import RelayResult
 from loop.process import Process
@@ -69,17 +70,34 @@ def _stated(process: Process) -> Facts:
 
 def _identified(model: Identification, record: Record | None) -> Facts:
     facts = [("verdict", str(model.verdict))]
-    if model.process is not None and model.standard_errors is not None:
-        K, tau, theta = (digits(1.96 * float(e), 2) for e in model.standard_errors)
-        unit = f"{pv_unit(record)}/{op_unit(record)}"
-        p = model.process
-        facts += [
-            ("process", "K e^(-theta s)/(tau s + 1)"),
-            ("K", f"{digits(p.K)} ± {K} {unit} (95 %)"),
-            ("tau", f"{digits(p.tau)} ± {tau} s (95 %)"),
-            ("theta", f"{digits(p.theta)} ± {theta} s (95 %)"),
-        ]
+    if model.process is not None and model.structure is not None:
+        found = model.structure
+        facts.append(("process", found.structure.formula))
+        for name, unit, value, error in zip(
+            found.structure.names,
+            found.structure.units,
+            found.values.tolist(),
+            found.standard_errors.tolist(),
+            strict=True,
+        ):
+            stated = unit.replace("PV", pv_unit(record)).replace("OP", op_unit(record))
+            width = digits(1.96 * error, 2)
+            facts.append((name, f"{digits(value)} ± {width} {stated} (95 %)".replace(" - (", " (")))
+        if model.choice is not None and model.choice.runner_up is not None:
+            facts.append(("runner-up", runner_up(model.choice.runner_up)))
     return facts + [("because", reason) for reason in model.reasons]
+
+
+def runner_up(other: Candidate) -> str:
+    """Another structure with the figures that it lost by."""
+    values = ", ".join(
+        f"{name} {digits(value, 3)}"
+        for name, value in zip(other.structure.names, other.values.tolist(), strict=True)
+    )
+    return (
+        f"{other.structure.name}: {values}; misses PV by up to {digits(100 * other.part, 2)} % of "
+        f"the answer, criterion {other.bic:+.0f} against one lag"
+    )
 
 
 def _relay_facts(relay: RelayResult, unit: str) -> Facts:

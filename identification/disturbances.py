@@ -6,6 +6,7 @@ other reading is stated where it does not.
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -51,8 +52,23 @@ class Explanation:
     rival: LeastSquaresFit | None
 
 
-def weighted_residual(fit: LeastSquaresFit, samples: Samples) -> Real:
-    """PV less model, each value times the root of the readings behind it. [PV]"""
+class Model(Protocol):
+    """Anything that predicts PV."""
+
+    def predict(self, t: Real) -> Real:
+        """Model's PV at the record's times. [PV]"""
+
+
+def weighted_residual(fit: Model, samples: Samples) -> Real:
+    """PV less model, each value times the root of the readings behind it. [PV]
+
+    Parameters
+    ----------
+    fit : Model
+        What predicts PV.
+    samples : Samples
+        What was fitted.
+    """
     residual = samples.pv - fit.predict(samples.t)
     return residual if samples.weight is None else residual * np.sqrt(samples.weight)
 

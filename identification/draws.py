@@ -1,9 +1,10 @@
-"""Draws of (K, tau, theta) from what a record leaves uncertain, for tuning to sweep."""
+"""Draws of a model's parameters from what a record leaves uncertain, for tuning to sweep."""
+
+from dataclasses import astuple
 
 import numpy as np
 
 from identification.identify import Identification
-from loop.process import FOPDT
 from loop.signals import Real
 
 # No tuning can be verified for a gain or a time constant a hundred times off; it keeps products of
@@ -14,15 +15,15 @@ FURTHEST = 100.0
 def parameter_draws(identification: Identification, *, n: int = 200, seed: int = 0) -> Real:
     """Draw processes that the record cannot tell from the fitted one.
 
-    ln(K/K_fit), ln(tau/tau_fit) and theta - theta_fit are drawn from the normal distribution with
-    the covariance of the fit, widened where its residual is not white. The logarithms keep the
-    sign of K and tau positive; a dead time below 0 becomes 0. The errors move together as the
-    record has them: K with tau after a short test, tau against theta after any.
+    The logarithms of K and of the lags, and theta itself, are drawn from the normal distribution
+    with the covariance of the fit, widened where its residual is not white. The logarithms keep
+    the sign of K and the lags positive; a dead time below 0 becomes 0. The errors move together as
+    the record has them: K with tau after a short test, tau against theta after any.
 
     Parameters
     ----------
     identification : Identification
-        First order plus dead time, with its errors.
+        A fitted model with its errors.
     n : int
         Number of draws. [-]
     seed : int
@@ -30,13 +31,15 @@ def parameter_draws(identification: Identification, *, n: int = 200, seed: int =
 
     Returns
     -------
-    ndarray, shape (n, 3)
-        K [PV/OP], tau [s] and theta [s] of each draw.
+    ndarray, shape (n, p)
+        Parameters of each draw in the order of the process's own: K [PV/OP], tau [s] and theta [s]
+        for FOPDT, shape (n, 3); K, tau1, tau2, theta for SOPDT; K, theta for the integrators.
 
     Raises
     ------
     ValueError
-        The record carried no such model, or n is below 1.
+        The record carried no model, the model is the simplification of another structure, or n is
+        below 1.
 
     Examples
     --------
@@ -51,17 +54,22 @@ def parameter_draws(identification: Identification, *, n: int = 200, seed: int =
     """
     if n < 1:
         raise ValueError(f"the number of draws must be at least 1, got {n}")
-    fitted, errors = identification.fitted, identification.standard_errors
-    correlation = identification.correlation
-    if not isinstance(fitted, FOPDT) or errors is None or correlation is None:
-        raise ValueError("draws of K, tau and theta need a fitted first-order model with errors")
-    scale = np.array([fitted.K, fitted.tau, 1.0])
-    # Relative errors of K and tau are those of their logarithms; K's sign turns its correlations.
-    spread = correlation * np.outer(errors / scale, errors / scale)
-    values, directions = np.linalg.eigh(spread)
-    root = directions * np.sqrt(np.maximum(values, 0.0))
-    off = np.random.default_rng(seed).standard_normal((n, 3)) @ root.T
+    fitted, structure = identification.fitted, identification.structure
+    if fitted is None or structure is None:
+        raise ValueError("draws of the parameters need a fitted model with its errors")
+    if fitted != structure.process:
+        raise ValueError(
+            f"the record speaks for {structure.structure.name}; the errors of its simplification "
+            "are not known, so there is nothing to draw"
+        )
+    values = np.array(astuple(fitted))
+    # Relative errors of gain and lags are those of their logarithms; a sign turns correlations.
+    scale = np.append(values[:-1], 1.0)
+    spread = structure.covariance / np.outer(scale, scale)
+    sizes, directions = np.linalg.eigh(spread)
+    root = directions * np.sqrt(np.maximum(sizes, 0.0))
+    off = np.random.default_rng(seed).standard_normal((n, values.size)) @ root.T
     limit = np.log(FURTHEST)
-    factors = np.exp(np.clip(off[:, :2], -limit, limit))
-    theta = np.maximum(fitted.theta + off[:, 2], 0.0)
-    return np.column_stack((scale[:2] * factors, theta))
+    factors = np.exp(np.clip(off[:, :-1], -limit, limit))
+    theta = np.maximum(values[-1] + off[:, -1], 0.0)
+    return np.column_stack((values[:-1] * factors, theta))

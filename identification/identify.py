@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
+from identification.candidates import Candidate, Choice, choose
 from identification.condense import Samples, condense
 from identification.disturbances import Explanation, explain
 from identification.experiment import Experiment, read_experiment
@@ -17,8 +18,11 @@ from identification.plausibility import (
     require_unsaturated,
 )
 from identification.quality import Colour, fit_percent, worst_misfit
+from identification.simplification import SimpleProcess, simplified
 from identification.spikes import find_spikes
 from identification.step_reading import StepReading, read_steps
+from identification.structure_verdict import judge_structure
+from identification.structures import FIRST_ORDER
 from identification.timing import judge_timing
 from identification.verdict import (
     Finding,
@@ -33,7 +37,6 @@ from identification.verdict import (
     worst,
 )
 from loop.errors import LoopError
-from loop.process import FOPDT
 from loop.record import Record
 from loop.signals import Flags, Real
 
@@ -51,9 +54,10 @@ class Identification:
     Attributes
     ----------
     kind : str
-        Kind of model.
-    process : FOPDT or None
-        Model to use; none where it is refused.
+        Type of the model to use, as the name of its class.
+    process : FOPDT, SOPDT, IPDT, DoubleIntegrator or None
+        Model to use; none where it is refused. Where the record speaks for a structure that no
+        tuning rule takes, it is that structure's simplification.
     verdict : Verdict
         What it may be used for.
     reasons : tuple of str
@@ -72,14 +76,17 @@ class Identification:
         Moves of the output, each with what PV says about it alone.
     gains : StepGains or None
         Gain of each step; none with a single step or very many.
-    fitted : FOPDT or None
+    fitted : FOPDT, SOPDT, IPDT, DoubleIntegrator or None
         What least squares gave, also where it is refused and must not be used.
-    standard_errors : ndarray, shape (3,), or None
-        Of K, tau, theta, widened where the residual is not white. [PV/OP], [s], [s]
-    correlation : ndarray, shape (3, 3), or None
-        Of K, tau, theta. [-]
-    intervals : ndarray, shape (3, 2), or None
-        95 % confidence intervals of K, tau, theta. [PV/OP], [s], [s]
+    choice : Choice or None
+        Structure that the record speaks for, the others that were fitted, and why this one.
+    standard_errors : ndarray, shape (p,), or None
+        Of the structure's parameters (`choice.chosen.structure.names`), K, tau, theta for one lag,
+        widened where the residual is not white.
+    correlation : ndarray, shape (p, p), or None
+        Of the structure's parameters. [-]
+    intervals : ndarray, shape (p, 2), or None
+        95 % confidence intervals of the structure's parameters.
     pv0 : float or None
         PV at the first sample for the output before the first move. [PV]
     drift, drift_error : float or None
@@ -97,7 +104,7 @@ class Identification:
     """
 
     kind: str = "FOPDT"
-    process: FOPDT | None
+    process: SimpleProcess | None
     verdict: Verdict
     reasons: tuple[str, ...]
     rows: int
@@ -107,7 +114,8 @@ class Identification:
     longest_gap: float
     steps: tuple[StepReading, ...] = ()
     gains: StepGains | None = None
-    fitted: FOPDT | None = None
+    fitted: SimpleProcess | None = None
+    choice: Choice | None = None
     standard_errors: Real | None = None
     correlation: Real | None = None
     intervals: Real | None = None
@@ -123,9 +131,17 @@ class Identification:
     predicted: Real | None = None
     residual: Real | None = None
 
+    @property
+    def structure(self) -> Candidate | None:
+        """Structure that the record speaks for, None where nothing was fitted."""
+        return None if self.choice is None else self.choice.chosen
+
 
 def identify(record: Record) -> Identification:
-    """Fit first order plus dead time to a record and judge the model.
+    """Fit a process model with dead time to a record and judge it.
+
+    One lag with dead time is fitted first; another structure takes its place where the record
+    calls for it (see `identification.candidates`).
 
     Bad data raise nothing: a refusal is a result with its reasons.
 
@@ -155,19 +171,25 @@ def identify(record: Record) -> Identification:
         )
     except LoopError as fact:
         return replace(nothing, reasons=(_sentence(str(fact)),))
-    described = replace(_described(nothing, samples, explanation, experiment), spikes=spikes)
-    fit, impossible = explanation.fit, ""
-    try:
-        described = replace(described, fitted=FOPDT(K=fit.K, tau=fit.tau, theta=fit.theta))
-    except ValueError as fact:
-        impossible = str(fact)
+    choice = choose(samples, explanation, experiment.steps, experiment.spacing)
+    described = _described(nothing, samples, explanation, experiment, choice)
+    first = next(c for c in choice.candidates if c.structure is FIRST_ORDER)
+    fitted, remark = simplified(choice.chosen, first)
+    described = replace(
+        described,
+        spikes=spikes,
+        fitted=fitted,
+        kind=described.kind if fitted is None else type(fitted).__name__,
+    )
     notes = _notes(described, experiment, explanation, samples)
     try:
         findings = _findings(described, experiment, samples, explanation)
     except LoopError as fact:
         return replace(described, reasons=tuple(map(_sentence, (str(fact), *notes))))
-    if described.fitted is None:
-        findings.insert(0, Finding(verdict=Verdict.REFUSED, reason=impossible))
+    if fitted is None:
+        findings.insert(0, Finding(verdict=Verdict.REFUSED, reason=remark))
+    elif remark:
+        findings.append(Finding(verdict=Verdict.CARE, reason=remark))
     verdict = worst(findings)
     severity = [Verdict.REFUSED, Verdict.CARE, Verdict.TRUSTED]
     findings.sort(key=lambda finding: severity.index(finding.verdict))
@@ -209,15 +231,17 @@ def _without_spikes(experiment: Experiment) -> tuple[Samples, int]:
 
 
 def _described(
-    nothing: Identification, samples: Samples, explanation: Explanation, experiment: Experiment
+    nothing: Identification,
+    samples: Samples,
+    explanation: Explanation,
+    experiment: Experiment,
+    choice: Choice,
 ) -> Identification:
     """All numbers of the fit, without a verdict."""
-    fit, colour = explanation.fit, explanation.colour
-    errors, intervals = _errors(explanation)
-    covariance = fit.covariance[:3, :3]
-    sizes = np.sqrt(np.diag(covariance))
-    sizes = np.where(sizes > 0, sizes, 1.0)
-    predicted = fit.predict(samples.t)
+    fit, chosen = explanation.fit, choice.chosen
+    colour = chosen.colour
+    sizes = np.where(chosen.standard_errors > 0, chosen.standard_errors, 1.0)
+    predicted = chosen.fit.predict(samples.t)
     residual = samples.pv - predicted
     steps = experiment.steps
     weight = samples.weight
@@ -226,15 +250,16 @@ def _described(
         samples=samples.t.size if weight is None else int(weight.sum()),
         steps=read_steps(fit, samples, steps),
         gains=step_gains(fit, samples, steps),
-        standard_errors=errors,
-        correlation=covariance / np.outer(sizes, sizes),
-        intervals=intervals,
+        choice=choice,
+        standard_errors=chosen.standard_errors,
+        correlation=chosen.covariance / np.outer(sizes, sizes),
+        intervals=_intervals(chosen),
         pv0=fit.pv0,
         drift=fit.drift,
         drift_error=fit.drift_error * colour.inflation**0.5,
         start=fit.start,
         fit_percent=fit_percent(samples.pv, residual, weight),
-        noise_sd=fit.noise_sd,
+        noise_sd=chosen.fit.noise_sd,
         colour=colour,
         t=samples.t,
         pv=samples.pv,
@@ -243,15 +268,13 @@ def _described(
     )
 
 
-def _errors(explanation: Explanation) -> tuple[Real, Real]:
-    """Standard errors and 95 % intervals of K, tau, theta, widened by the residual's colour."""
-    fit = explanation.fit
-    errors = fit.standard_errors[:3] * explanation.colour.inflation**0.5
-    estimates = np.array([fit.K, fit.tau, fit.theta])
-    width = float(student.ppf(0.975, fit.freedom)) * errors
-    intervals = np.stack((estimates - width, estimates + width), axis=1)
-    intervals[1:] = np.maximum(intervals[1:], 0.0)
-    return errors, intervals
+def _intervals(chosen: Candidate) -> Real:
+    """95 % intervals of the parameters, none of which but a gain or a lead goes below 0."""
+    width = float(student.ppf(0.975, chosen.fit.freedom)) * chosen.standard_errors
+    intervals = np.stack((chosen.values - width, chosen.values + width), axis=1)
+    signed = np.isin(chosen.structure.names, ("K", "lead"))
+    intervals[~signed] = np.maximum(intervals[~signed], 0.0)
+    return intervals
 
 
 def _findings(
@@ -262,9 +285,13 @@ def _findings(
     require_cause_first(fit, colour, samples, experiment.hole_before(steps[0]))
     require_answer(fit, colour, samples, steps)
     require_unsaturated(fit, samples, steps)
+    choice, intervals = described.choice, described.intervals
+    assert choice is not None  # noqa: S101 - whatever is described was chosen
+    assert intervals is not None  # noqa: S101 - and has errors
     if described.gains is not None:
         require_one_sign(described.gains, steps)
-    _, intervals = _errors(explanation)
+    if choice.chosen.structure is not FIRST_ORDER:
+        return judge_structure(choice, fit, experiment, intervals)
     swing = answer_swing(fit, samples.t)
     misfit = worst_misfit(
         samples.t,
@@ -281,6 +308,7 @@ def _findings(
         *judge_timing(fit, experiment),
         judge_errors(fit, intervals),
         judge_dead_time(fit, intervals[2], experiment.spacing),
+        Finding(verdict=Verdict.TRUSTED, reason=choice.reason),
     ]
     if described.gains is not None:
         findings += judge_gains(fit, described.gains)
@@ -294,10 +322,12 @@ def _notes(
     samples: Samples,
 ) -> list[str]:
     """What was decided or left out on the way."""
-    colour = explanation.colour
+    assert described.choice is not None  # noqa: S101 - whatever is described was chosen
+    chosen = described.choice.chosen
+    colour = chosen.colour
     notes = [*experiment.notes, *explanation.notes]
     swing = answer_swing(explanation.fit, samples.t)
-    if explanation.fit.noise_sd < NO_NOISE * swing:
+    if chosen.fit.noise_sd < NO_NOISE * swing:
         notes.append("the record is without noise, the residual is rounding")
     elif colour.white:
         notes.append("the residual is white noise as far as can be seen")

@@ -76,7 +76,7 @@ DEMO = (
         plant=LIC103,
         time_unit="min",
         gain_basis="percent",
-        # What the refusal of the step test says: K/tau, and the dead time.
+        # In round numbers, as an engineer knows the level; the step test says the same.
         stated=IPDT(K=-0.006, theta=9.0),
     ),
     DemoLoop(

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from identification.draws import parameter_draws
+from identification.held_answers import integral_answer, second_order_answer
 from identification.held_input import HeldInput, lag_response
 from identification.identify import Identification, identify
+from loop.process import FOPDT, IPDT
 from loop.record import Record
 
 T = np.arange(0.0, 500.0, 2.0)
@@ -24,7 +26,7 @@ def found(
 
 
 def estimates(model: Identification) -> list[float]:
-    assert model.fitted is not None
+    assert isinstance(model.fitted, FOPDT)
     return [model.fitted.K, model.fitted.tau, model.fitted.theta]
 
 
@@ -58,7 +60,26 @@ def test_no_draw_changes_the_sign_of_the_gain_or_precedes_the_output() -> None:
 
 def test_without_a_model_there_is_nothing_to_draw_from() -> None:
     refused = identify(Record(t=T, pv=np.full(T.size, 3.0), op=OP))
-    with pytest.raises(ValueError, match="need a fitted first-order model"):
+    with pytest.raises(ValueError, match="need a fitted model"):
         parameter_draws(refused)
     with pytest.raises(ValueError, match="at least 1, got 0"):
         parameter_draws(replace(found()), n=0)
+
+
+def test_an_integrator_has_draws_of_its_slope_and_dead_time() -> None:
+    pv = 60 + 0.02 * integral_answer(HELD, T, 11.3)
+    pv = pv + np.random.default_rng(1).normal(0, 0.4, T.size)
+    model = identify(Record(t=T, pv=pv, op=OP))
+    assert isinstance(model.process, IPDT)
+    draws = parameter_draws(model, n=3000)
+    assert draws.shape == (3000, 2)
+    assert model.standard_errors is not None
+    np.testing.assert_allclose(draws.std(axis=0), model.standard_errors, rtol=0.1)
+
+
+def test_a_simplified_process_has_no_errors_to_draw_from() -> None:
+    y, slope = second_order_answer(HELD, T, 60.0, 0.2, 11.3)
+    pv = 60 + 2 * (y - 30 * slope) + np.random.default_rng(1).normal(0, 0.1, T.size)
+    model = identify(Record(t=T, pv=pv, op=OP))
+    with pytest.raises(ValueError, match="speaks for two lags and a lead"):
+        parameter_draws(model)

@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from identification.held_input import HeldInput, lag_response
 from identification.identify import Identification, identify
 from identification.verdict import Verdict
+from loop.process import FOPDT, IPDT, SOPDT
 from loop.record import Mode, Record
 
 K, TAU, THETA = 2.0, 60.0, 12.4
@@ -51,7 +52,7 @@ def of(pv: np.ndarray, op: np.ndarray = STEP, t: np.ndarray = T, **more: object)
 
 
 def model(found: Identification) -> tuple[float, float, float]:
-    assert found.fitted is not None
+    assert isinstance(found.fitted, FOPDT)
     return found.fitted.K, found.fitted.tau, found.fitted.theta
 
 
@@ -69,7 +70,7 @@ def test_a_clean_step_is_trusted_and_says_why() -> None:
     found = of(answer(STEP))
     assert found.verdict is Verdict.TRUSTED
     assert found.kind == "FOPDT"
-    assert found.process is not None
+    assert isinstance(found.process, FOPDT)
     assert found.process == found.fitted
     assert model(found)[0] == pytest.approx(K, rel=0.01)
     assert found.process.tau == pytest.approx(TAU, rel=0.03)
@@ -232,13 +233,16 @@ def test_spikes_are_left_out_and_counted() -> None:
     assert model(found)[1] == pytest.approx(TAU, rel=0.03)
 
 
-def test_two_equal_lags_are_simplified_and_the_error_of_it_is_stated() -> None:
+def test_two_equal_lags_are_told_from_one_and_the_error_of_one_is_stated() -> None:
     fine = np.arange(0, 600, 0.1)
     x = lag_response(HeldInput(instants=np.array([100.0]), levels=np.array([0, 10.0])), fine, 40, 9)
     a = np.exp(-0.1 / 40)
     pv = 20 + 2 * lfilter([1 - a], [1, -a], x[0])[::10]
     found = of(pv + np.random.default_rng(0).normal(0, 0.1, T.size))
-    off = re.search(r"off by no more than ([\d.]+) %", said(found))
+    assert found.kind == "SOPDT"
+    assert isinstance(found.process, SOPDT)
+    assert found.process.tau1 + found.process.tau2 == pytest.approx(80, rel=0.02)
+    off = re.search(r"one lag, which misses PV by up to ([\d.]+) %", said(found))
     assert off is not None
     assert 2 < float(off.group(1)) < 6
 
@@ -259,11 +263,15 @@ def test_a_record_that_ends_before_settling_knows_only_k_over_tau(
     assert words in said(found)
 
 
-def test_an_integrating_process_is_refused_with_its_slope() -> None:
+def test_an_integrating_process_is_told_by_its_ramp() -> None:
     pv = 20 + 0.05 * np.maximum(T - 112, 0) + np.random.default_rng(0).normal(0, 0.1, T.size)
     found = of(pv)
-    assert found.verdict is Verdict.REFUSED
-    assert "K/tau = 0.005" in said(found)
+    assert found.verdict is Verdict.TRUSTED
+    assert isinstance(found.process, IPDT)
+    gain = found.process.K
+    assert gain == pytest.approx(0.005, rel=0.01)
+    assert found.process.theta == pytest.approx(12, abs=1)
+    assert "PV shows no settling" in said(found)
 
 
 def test_the_output_before_the_first_row_is_used_only_when_stated() -> None:
@@ -503,8 +511,8 @@ def test_units_change_neither_verdict_nor_anything_but_numbers(
     one, other = of(pv, op), of(pv * span + offset, op, T * speed)
     assert other.verdict is one.verdict
     assert len(other.reasons) == len(one.reasons)
-    assert one.process is not None
-    assert other.process is not None
+    assert isinstance(one.process, FOPDT)
+    assert isinstance(other.process, FOPDT)
     assert other.process.tau == pytest.approx(one.process.tau * speed, rel=1e-4)
     assert other.process.theta == pytest.approx(one.process.theta * speed, rel=1e-4)
     np.testing.assert_allclose(other.process.K, one.process.K * span, rtol=1e-4)

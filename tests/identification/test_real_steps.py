@@ -9,6 +9,7 @@ import pytest
 
 from identification.identify import Identification, identify
 from identification.verdict import Verdict
+from loop.process import FOPDT
 from loop.record import Record
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -48,7 +49,7 @@ def prepared(name: str, power_before: float, prefix: str) -> Record:
 
 
 def assert_known_model(found: Identification) -> None:
-    assert found.process is not None
+    assert isinstance(found.process, FOPDT)
     gain = found.process.K
     assert gain == pytest.approx(1.00, rel=0.05)
     assert found.process.tau == pytest.approx(191, rel=0.05)
@@ -86,7 +87,7 @@ def test_without_the_power_before_there_is_no_move() -> None:
 @pytest.mark.parametrize(("power", "name"), STEPS)
 def test_other_steps_give_models_like_them(power: str, name: str) -> None:
     found = identify(prepared(name, float(power), "normal noise"))
-    assert found.process is not None
+    assert isinstance(found.process, FOPDT)
     assert 0.88 < found.process.K < 1.03
     assert 150 < found.process.tau < 205
     assert 5 < found.process.theta < 28
@@ -124,6 +125,7 @@ def test_runs_of_the_other_laboratory_get_a_verdict_with_reasons(path: Path) -> 
         assert found.reasons
         assert found.fitted is not None
         if found.verdict is not Verdict.REFUSED:
+            assert isinstance(found.fitted, FOPDT)
             assert 0 < found.fitted.K < 1
             assert 60 < found.fitted.tau < 300
 

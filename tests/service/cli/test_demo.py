@@ -177,7 +177,9 @@ def look_at_loop(loop: str, key: str, tag: str) -> None:
         for name, within in (("K", 0.01), ("tau", 0.02), ("theta", 0.05)):
             assert model[name] == pytest.approx(getattr(true, name), rel=within)
     if demo.stated is not None:
-        assert [model["verdict"] for model in models] == ["stated", "refused"]
+        assert [model["verdict"] for model in models] == ["stated", "trusted"]
+        for name, value in models[0]["parameters"].items():
+            assert models[1]["parameters"][name] == pytest.approx(value, rel=0.1)
     versions = fetch(f"{loop}/sheets", key)["items"]
     wanted = [sheet.decision for sheet in reversed(demo.sheets)]
     assert [v["decision"] and v["decision"]["decision"] for v in versions] == wanted
