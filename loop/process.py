@@ -164,6 +164,36 @@ class DoubleIntegrator:
         return (1.0, 0.0, 0.0)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PureDelay:
+    """Gain plus dead time and nothing else, G(s) = K e^(-theta s).
+
+    Attributes
+    ----------
+    K : float
+        Steady-state gain. [PV/OP]
+    theta : float
+        Dead time, not 0. [s]
+    """
+
+    K: float
+    theta: float
+
+    def __post_init__(self) -> None:
+        _check_gain(self.K)
+        _check_lag("theta", self.theta)
+
+    @property
+    def numerator(self) -> Polynomial:
+        """Coefficients of the rational part, highest power first."""
+        return (self.K,)
+
+    @property
+    def denominator(self) -> Polynomial:
+        """Coefficients of the rational part, highest power first."""
+        return (1.0,)
+
+
 @dataclass(frozen=True, slots=True)
 class TransferFunction:
     """Any proper rational transfer function with dead time, n(s)/d(s) e^(-theta s).
@@ -195,7 +225,7 @@ class TransferFunction:
         _check_dead_time(self.theta)
 
 
-Process: TypeAlias = FOPDT | SOPDT | IPDT | DoubleIntegrator | TransferFunction
+Process: TypeAlias = FOPDT | SOPDT | IPDT | DoubleIntegrator | PureDelay | TransferFunction
 
 
 def rational_response(process: Process, s: Complex) -> Complex:
