@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from advice.horizon import horizon
 from advice.report.drawing import (
     LIMIT,
     MARK,
@@ -20,7 +21,7 @@ from advice.report.drawing import (
     stacked,
 )
 from loop.controller import PID
-from loop.process import Process, gain_sign, rational_response, static_gain
+from loop.process import Process
 from loop.response import frequency_grid, loop_phase, loop_response
 from loop.signals import Real
 from loop.simulation import Response, simulate
@@ -127,7 +128,7 @@ def set_point_courses(
     process: Process, candidates: Sequence[Candidate], size: float
 ) -> tuple[Course, ...]:
     """Simulate a set-point step at t = 0. [PV]"""
-    t_end, dt = _horizon(process, candidates)
+    t_end, dt = horizon(process, [c.pid for c in candidates])
     return tuple(
         Course(name=c.name, response=simulate(process, c.pid, t_end=t_end, dt=dt, sp=size))
         for c in candidates
@@ -138,41 +139,11 @@ def load_courses(
     process: Process, candidates: Sequence[Candidate], size: float
 ) -> tuple[Course, ...]:
     """Simulate a load step at the process input at t = 0. [OP]"""
-    t_end, dt = _horizon(process, candidates)
+    t_end, dt = horizon(process, [c.pid for c in candidates])
     return tuple(
         Course(name=c.name, response=simulate(process, c.pid, t_end=t_end, dt=dt, load=size))
         for c in candidates
     )
-
-
-def _horizon(process: Process, candidates: Sequence[Candidate]) -> tuple[float, float]:
-    """Long enough for the slowest candidate to settle, fine enough for the fastest. [s]"""
-    slow, fast = 0.0, math.inf
-    for c in candidates:
-        stiffness = abs(gain_sign(process)) * c.pid.Kc * abs(_slope_or_gain(process))
-        # An integral loop settles with Ti/(K Kc); a lag in front adds its own time.
-        tail = c.pid.Ti / stiffness if c.pid.Ti < math.inf else 0.0
-        lags = -process.denominator[-2] / process.denominator[-1] if _lagging(process) else 0.0
-        slow = max(slow, 6 * tail, 4 * abs(lags), 12 * process.theta, 2 * _finite(c.pid.Ti))
-        fast = min(fast, max(c.pid.filter_time, process.theta / 8))
-    t_end = slow or 1.0
-    steps = min(max(600.0, t_end / fast if fast > 0 else 0.0), 4_000.0)
-    return t_end, t_end / steps
-
-
-def _finite(Ti: float) -> float:
-    return Ti if Ti < math.inf else 0.0
-
-
-def _lagging(process: Process) -> bool:
-    return len(process.denominator) > 1 and process.denominator[-1] != 0
-
-
-def _slope_or_gain(process: Process) -> float:
-    gain = static_gain(process)
-    if math.isfinite(gain) and gain:
-        return gain
-    return float(np.abs(rational_response(process, np.array([1j]))[0]))
 
 
 def responses(courses: Sequence[Course], *, pv: str, op: str, size: float | None = None) -> Figure:
