@@ -15,7 +15,7 @@ from advice.tune import TuningCase
 from identification.candidates import Candidate
 from identification.identify import Identification
 from identification.quality import Colour
-from identification.relay import RelayResult
+from identification.relay_model import RelayModel
 from identification.step_reading import StepReading
 from loop.controller import PID
 from loop.margin_batch import MarginBatch
@@ -290,27 +290,40 @@ def step_body(reading: StepReading) -> Body:
     }
 
 
-def relay_body(relay: RelayResult) -> Body:
-    """What a relay test says, in the place of a model."""
-    values = asdict(relay)
-    remarks = values.pop("remarks")
+def relay_body(found: RelayModel) -> Body:
+    """What a relay test says beside the model: its cycles, and both ultimate points."""
+    values = asdict(found.relay)
+    del values["remarks"]
+    exact = found.ultimate
+    return {
+        **{name: number(value) for name, value in values.items()},
+        "load": number(found.load),
+        "exact": None if exact is None else dict(asdict(exact)),
+        "from_half_periods": None if found.inverted is None else process_parameters(found.inverted),
+    }
+
+
+def relay_only_body(found: RelayModel) -> Body:
+    """A relay test in the place of a model, where no model could be had from it."""
     return {
         "kind": "relay",
         "tau": None,
         "theta": None,
         "parameters": None,
         "verdict": "use with care",
-        "reasons": list(remarks),
-        **{name: number(value) for name, value in values.items()},
+        "reasons": list(found.model.reasons),
+        **relay_body(found),
     }
 
 
 def case_model_body(case: TuningCase) -> Body:
     """The model that a case rests on, whichever way it came."""
+    if case.relay is not None:
+        if case.process is None:
+            return relay_only_body(case.relay)
+        return {**model_body(case.relay.model), "relay": relay_body(case.relay)}
     if case.model is not None:
         return model_body(case.model)
-    if case.relay is not None:
-        return relay_body(case.relay)
     if case.process is not None:
         return stated_model_body(case.process)
     return {

@@ -6,9 +6,10 @@ from advice.display import digits
 from advice.tune import TuningCase
 from identification.candidates import Candidate
 from identification.identify import Identification
-from identification.relay import RelayResult
-from loop.process import Process
+from identification.relay_model import RelayModel
+from loop.process import FOPDT, Process
 from loop.record import Record
+from loop.signals import Real
 
 Facts = list[tuple[str, str]]
 
@@ -54,7 +55,8 @@ def data_facts(record: Record) -> Facts:
 def model_facts(case: TuningCase) -> Facts:
     """Say which process the case rests on, how sure that is, and why."""
     if case.relay is not None:
-        return _relay_facts(case.relay, gain_unit(case.record))
+        modelled = [] if case.process is None else _identified(case.relay.model, case.record)
+        return [*_relay_facts(case.relay, gain_unit(case.record)), *modelled]
     if case.model is None:
         return [] if case.process is None else [*_stated(case.process)]
     return _identified(case.model, case.record)
@@ -70,6 +72,8 @@ def _stated(process: Process) -> Facts:
 
 def _identified(model: Identification, record: Record | None) -> Facts:
     facts = [("verdict", str(model.verdict))]
+    if isinstance(model.process, FOPDT) and model.structure is None:
+        facts += _one_lag(model.process, model.standard_errors, record)
     if model.process is not None and model.structure is not None:
         found = model.structure
         facts.append(("process", found.structure.formula))
@@ -100,12 +104,42 @@ def runner_up(other: Candidate) -> str:
     )
 
 
-def _relay_facts(relay: RelayResult, unit: str) -> Facts:
-    low, high = digits(relay.Ku_low, 3), digits(relay.Ku_high, 3)
+def _one_lag(p: FOPDT, errors: Real | None, record: Record | None) -> Facts:
+    widths = np.zeros(3) if errors is None else 1.96 * errors
+    K, tau, theta = (digits(width, 2) for width in widths.tolist())
+    unit = f"{pv_unit(record)}/{op_unit(record)}"
     return [
-        ("relay test", f"{relay.cycles} settled cycles, {relay.discarded} before them left out"),
-        ("Ku", f"{digits(relay.Ku)} {unit} by describing function; truly {low} to {high}"),
-        ("Pu", f"{digits(relay.Pu)} s"),
-        ("K", "not known" if relay.K is None else f"{digits(relay.K)} (from the relay's bias)"),
-        *(("because", remark) for remark in relay.remarks),
+        ("process", "K e^(-theta s)/(tau s + 1)"),
+        ("K", f"{digits(p.K)} ± {K} {unit} (95 %)"),
+        ("tau", f"{digits(p.tau)} ± {tau} s (95 %)"),
+        ("theta", f"{digits(p.theta)} ± {theta} s (95 %)"),
+    ]
+
+
+def _relay_facts(found: RelayModel, unit: str) -> Facts:
+    relay, exact = found.relay, found.ultimate
+    facts = [
+        ("relay test", f"{relay.cycles} settled cycles, {relay.discarded} before them left out")
+    ]
+    if exact is None:
+        low, high = digits(relay.Ku_low, 3), digits(relay.Ku_high, 3)
+        return [
+            *facts,
+            ("Ku", f"{digits(relay.Ku)} {unit} by describing function; truly {low} to {high}"),
+            ("Pu", f"{digits(relay.Pu)} s"),
+            ("K", "not known" if relay.K is None else f"{digits(relay.K)} (from the relay's bias)"),
+            *(("because", reason) for reason in found.model.reasons),
+        ]
+    Ku, Pu = digits(1.96 * exact.Ku_error, 2), digits(1.96 * exact.Pu_error, 2)
+    return [
+        *facts,
+        (
+            "Ku",
+            f"{digits(exact.Ku)} ± {Ku} {unit} (95 %) from the model; {digits(relay.Ku)} by "
+            f"describing function, off by {100 * (relay.Ku / exact.Ku - 1):+.2g} %",
+        ),
+        (
+            "Pu",
+            f"{digits(exact.Pu)} ± {Pu} s (95 %) from the model; cycles of {digits(relay.Pu)} s",
+        ),
     ]

@@ -10,7 +10,8 @@ The command line, the REST service and a notebook all call these functions:
 from dataclasses import dataclass, replace
 
 from identification.identify import Identification, identify
-from identification.relay import RelayResult, looks_like_relay, relay_test
+from identification.relay import looks_like_relay
+from identification.relay_model import RelayModel, relay_model
 from loop.controller import PID, Action
 from loop.errors import NoLimitCycle
 from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
@@ -35,9 +36,9 @@ class TuningCase:
     record : Record or None
         Data that the case rests on; None where the process was given.
     model : Identification or None
-        What the data say of the process; None where it was given, or for a relay test.
-    relay : RelayResult or None
-        Ultimate gain and period, for a relay test.
+        What the data say of the process; None where it was given.
+    relay : RelayModel or None
+        Cycles, ultimate gain and period, for a relay test.
     process : FOPDT, SOPDT, IPDT, DoubleIntegrator or None
         Model that was tuned; None where the data carry none.
     tunings : tuple of Tuning
@@ -55,7 +56,7 @@ class TuningCase:
     profile: Profile
     record: Record | None
     model: Identification | None
-    relay: RelayResult | None
+    relay: RelayModel | None
     process: TunedProcess | None
     tunings: tuple[Tuning, ...]
     recommended: int | None
@@ -113,7 +114,10 @@ def tune(
     """
     limits = profile_named(profile)
     if looks_like_relay(record):
-        return _from_relay(record, limits, hysteresis=relay_hysteresis)
+        return _from_relay(
+            record, limits, hysteresis=relay_hysteresis, tau_c=tau_c, scan_time=scan_time,
+            running=running,
+        )  # fmt: skip
     model = identify(record)
     if model.process is None:
         return TuningCase(
@@ -176,6 +180,7 @@ def _tuned(
     running: PID | None,
     record: Record | None = None,
     model: Identification | None = None,
+    relay: RelayModel | None = None,
 ) -> TuningCase:
     if running is not None:
         # A loop that runs has the right action; only its numbers are in question.
@@ -185,7 +190,7 @@ def _tuned(
         profile=profile,
         record=record,
         model=model,
-        relay=None,
+        relay=relay,
         process=process,
         tunings=answer.tunings,
         recommended=answer.recommendation.index,
@@ -197,31 +202,49 @@ def _tuned(
     )
 
 
-def _from_relay(record: Record, profile: Profile, *, hysteresis: float) -> TuningCase:
-    """Ultimate-point rules alone: without a model there is no proof, so nothing is recommended."""
+def _from_relay(
+    record: Record,
+    profile: Profile,
+    *,
+    hysteresis: float,
+    tau_c: float | None,
+    scan_time: float,
+    running: PID | None,
+) -> TuningCase:
+    """Tune the model that the waveform carries; without one, the ultimate-point rules alone.
+
+    Those have no proof, so none of them is recommended.
+    """
     try:
-        relay = relay_test(record, hysteresis=hysteresis)
+        found = relay_model(record, hysteresis=hysteresis)
     except NoLimitCycle as reason:
         return TuningCase(
             profile=profile, record=record, model=None, relay=None, process=None, tunings=(),
             recommended=None, recommended_reason=f"No settings: {reason}",
         )  # fmt: skip
+    if found.model.process is not None:
+        return _tuned(
+            found.model.process, profile, tau_c=tau_c, scan_time=scan_time, running=running,
+            record=record, model=found.model, relay=found,
+        )  # fmt: skip
     point = UltimatePoint(
-        Ku=relay.Ku,
-        Pu=relay.Pu,
-        action=Action.for_gain(relay.gain_sign),
+        Ku=found.relay.Ku,
+        Pu=found.relay.Pu,
+        action=Action.for_gain(found.relay.gain_sign),
         source="describing function",
     )
     return TuningCase(
         profile=profile,
         record=record,
-        model=None,
-        relay=relay,
+        model=found.model,
+        relay=found,
         process=None,
         tunings=tuple(Tuning(proposal=p, verification=None) for p in tune_from_ultimate(point)),
         recommended=None,
         recommended_reason=(
-            "Nothing is recommended from a relay test alone: Ku and Pu say nothing of the margins "
-            "under model errors. Run a step test, or give a model."
+            "Nothing is recommended: Ku and Pu alone say nothing of the margins under model "
+            "errors, and the model from the cycles was refused. "
+            + " ".join(found.model.reasons[:1])
         ),
+        running=running,
     )

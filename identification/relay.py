@@ -9,17 +9,19 @@ References
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from identification.relay_reading import RelayCycles, folded, read_cycles
+from identification.relay_ultimate import ultimate_gain_and_period
 from loop.errors import NoLimitCycle
 from loop.record import Record
 from loop.signals import Real
 
-# What the describing function's Ku is off by on first order plus dead time: -19 % at
-# theta/tau = 0.05, +22 % at 10 (4/(pi K (1 - e^(-theta/tau))) against the exact value).
-LOWEST_ERROR, HIGHEST_ERROR = -0.19, 0.22
+# Ratios of dead time to time constant over which the error of the describing function is stated.
+RATIOS = np.geomspace(0.05, 10.0, 40)
+READING = 0.004
 # The median absolute deviation of normal noise is so many standard deviations.
 MEDIAN_DEVIATION = 0.6745
 # PV's mean must stand so many of its errors off the rest for a static gain to show.
@@ -38,7 +40,7 @@ class RelayResult:
         Period of the limit cycle. [s]
     Ku_low, Ku_high : float
         Where the true ultimate gain lies, were the process first order with a dead time of 0.05
-        to 10 time constants: Ku/1.22 and Ku/0.81. [OP/PV]
+        to 10 time constants: Ku/1.22 and Ku/0.81 without hysteresis. [OP/PV]
     gain_sign : float
         +1 where PV follows OP, -1 where it goes against it.
     K : float or None
@@ -136,18 +138,19 @@ def read_relay(cycles: RelayCycles, *, hysteresis: float = 0.0) -> RelayResult:
     Ku = 4 * d / (math.pi * math.sqrt(a**2 - hysteresis**2))
     K, K_error, why = _static_gain(cycles, noise)
     high_time, low_time = cycles.half_times()
+    lowest, highest = describing_function_errors(hysteresis / a)
     remarks = (
         f"{periods.size} settled cycles are used, {settled} before them are left out",
-        "the describing function is off by -19 % to +22 % in Ku for a dead time of 0.05 to 10 time "
-        f"constants: the true Ku lies within {Ku / (1 + HIGHEST_ERROR):.3g} and "
-        f"{Ku / (1 + LOWEST_ERROR):.3g}",
+        f"with this hysteresis the describing function is off by {100 * lowest:+.0f} % to "
+        f"{100 * highest:+.0f} % in Ku for a dead time of 0.05 to 10 time constants: the true Ku "
+        f"lies within {Ku / (1 + highest):.3g} and {Ku / (1 + lowest):.3g}",
         why,
     )
     return RelayResult(
         Ku=Ku,
         Pu=float(np.mean(periods)),
-        Ku_low=Ku / (1 + HIGHEST_ERROR),
-        Ku_high=Ku / (1 + LOWEST_ERROR),
+        Ku_low=Ku / (1 + highest),
+        Ku_high=Ku / (1 + lowest),
         gain_sign=_gain_sign(wave),
         K=K,
         K_error=K_error,
@@ -164,6 +167,37 @@ def read_relay(cycles: RelayCycles, *, hysteresis: float = 0.0) -> RelayResult:
         noise_sd=noise,
         remarks=remarks,
     )
+
+
+def describing_function_errors(part: float) -> tuple[float, float]:
+    """Lowest and highest relative error of Ku on first order plus dead time.
+
+    From the exact amplitude a = (1 - 1/E)/(1 - eps/(a E)), E = e^(theta/tau), of a relay of unit
+    amplitude on unit gain, against the exact ultimate gain, for theta/tau of 0.05 to 10. A
+    hysteresis lowers the frequency of the cycle, and with it the gain that is read off.
+
+    Parameters
+    ----------
+    part : float
+        Hysteresis over half the swing of PV, eps/a. [-]
+
+    Examples
+    --------
+    >>> low, high = describing_function_errors(0.0)
+    >>> f"{low:+.2f} {high:+.2f}"
+    '-0.19 +0.23'
+    """
+    E = np.exp(RATIOS)
+    a = (1 - 1 / E) / (1 - part / E)
+    off = 4 / (math.pi * a * math.sqrt(1 - part**2)) / _exact_gains() - 1
+    # Sampling and noise of a record take a few tenths of a percent.
+    return float(off.min()) - READING, float(off.max()) + READING
+
+
+@cache
+def _exact_gains() -> Real:
+    """Ultimate gains of 1/(s + 1) e^(-theta s) over the ratios."""
+    return np.array([ultimate_gain_and_period(1.0, 1.0, theta)[0] for theta in RATIOS.tolist()])
 
 
 def looks_like_relay(record: Record) -> bool:

@@ -21,6 +21,7 @@ from identification.quality import fit_percent, residual_colour, worst_misfit
 from identification.relay import RelayResult, read_relay
 from identification.relay_cycle import invert_biased
 from identification.relay_reading import RelayCycles, folded, read_cycles
+from identification.relay_ultimate import UltimateEstimate, fitted_ultimate
 from identification.spikes import find_spikes
 from identification.verdict import (
     Finding,
@@ -64,6 +65,8 @@ class RelayModel:
         Model fitted to the waveform, with errors and verdict.
     load : float or None
         Load during the test as a change of OP, where the record shows the rest before it. [OP]
+    ultimate : UltimateEstimate or None
+        Exact ultimate point of the model, where there is one.
     inverted : FOPDT or None
         Model by the closed form from the half periods, where the relay is biased.
     """
@@ -71,6 +74,7 @@ class RelayModel:
     relay: RelayResult
     model: Identification
     load: float | None
+    ultimate: UltimateEstimate | None
     inverted: FOPDT | None
 
 
@@ -122,7 +126,17 @@ def relay_model(record: Record, *, hysteresis: float = 0.0) -> RelayModel:
         notes.append(f"{spikes} single readings far off their neighbours are left out")
     notes += [*_inversion_note(inverted), *relay.remarks]
     model = _judged(record, cycles, relay, wave, fit, notes, spikes)
-    return RelayModel(relay=relay, model=model, load=load, inverted=inverted)
+    return RelayModel(
+        relay=relay, model=model, load=load, ultimate=_ultimate(model), inverted=inverted
+    )
+
+
+def _ultimate(model: Identification) -> UltimateEstimate | None:
+    """Exact ultimate point of a model that may be used, with its errors."""
+    process, errors, correlation = model.process, model.standard_errors, model.correlation
+    if not isinstance(process, FOPDT) or errors is None or correlation is None:
+        return None
+    return fitted_ultimate(process, correlation * np.outer(errors, errors))
 
 
 def _inverted(relay: RelayResult) -> FOPDT | None:

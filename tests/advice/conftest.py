@@ -38,3 +38,12 @@ def cooler_test() -> Record:
 def flat_record() -> Record:
     t = np.arange(0.0, 500.0)
     return Record(t=t, pv=np.full(t.size, 20.0), op=np.full(t.size, 40.0))
+
+
+@pytest.fixture
+def square_wave() -> Record:
+    """Output switched by the clock: it looks like a relay's and is none."""
+    t = np.arange(0.0, 4000.0, 2.0)
+    op = np.where((t // 200) % 2 == 1, 60.0, 50.0)
+    pv = process_output(FOPDT(K=2.0, tau=40.0, theta=10.0), t, op, pv0=100.0)
+    return Record(t=t, pv=pv + 0.1 * np.sin(7 * t), op=op)

@@ -85,8 +85,15 @@ def test_a_refusal_keeps_the_shape(flat_record: Record) -> None:
     assert body["recommended_reason"]
 
 
-def test_a_relay_case_and_a_running_controller_keep_the_shape() -> None:
-    relay = document(tune(relay_test(PLANT[3])))
+def test_a_relay_case_and_a_running_controller_keep_the_shape(square_wave: Record) -> None:
+    modelled = document(tune(relay_test(PLANT[3]), relay_hysteresis=4 * PLANT[3].noise))["model"]
+    assert modelled["kind"] == "FOPDT"
+    assert set(modelled) >= MODEL
+    assert modelled["relay"]["cycles"] > 10
+    assert modelled["relay"]["exact"]["Ku"] == pytest.approx(3.47, rel=0.02)
+    assert modelled["relay"]["Ku_low"] < 3.47 < modelled["relay"]["Ku_high"]
+
+    relay = document(tune(square_wave))
     assert relay["model"]["kind"] == "relay"
     assert relay["model"]["Ku"] > 0
     assert set(relay["model"]) >= MODEL

@@ -90,7 +90,9 @@ def test_set_point_and_load_responses_end_where_they_must(case: TuningCase) -> N
     assert abs(load["y"][-1]) < 0.1 * max(abs(y) for y in load["y"])
 
 
-def test_a_refusal_and_a_bare_process_make_pages_too(flat_record: Record, tmp_path: Path) -> None:
+def test_a_refusal_and_a_bare_process_make_pages_too(
+    flat_record: Record, square_wave: Record, tmp_path: Path
+) -> None:
     refused = report_page(tune(flat_record), title="flat")
     assert "No recommendation" in refused
     assert figures(refused) == {}
@@ -100,9 +102,11 @@ def test_a_refusal_and_a_bare_process_make_pages_too(flat_record: Record, tmp_pa
     assert list(figures(file.read_text("utf-8"))) == [
         "bode", "nyquist", "setpoint", "load", "sweep",
     ]  # fmt: skip
-    relay = report_page(tune(relay_test(PLANT[3])), title="relay")
+    relay = report_page(tune(square_wave), title="relay")
     assert "Ku" in relay
     assert "not verified" in relay
+    modelled = report_page(tune(relay_test(PLANT[3])), title="relay")
+    assert "by describing function, off by" in modelled
 
 
 def test_an_unstable_running_controller_has_no_response_to_draw() -> None:

@@ -11,6 +11,7 @@ from loop.margins import margins
 from loop.plants import PLANT, relay_test, step_test
 from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
 from loop.record import Record
+from tuning.ultimate import ultimate_point
 from tuning.verification import verify
 
 
@@ -94,16 +95,45 @@ def test_a_profile_that_is_not_there_is_named(heater: FOPDT) -> None:
         tune_process(heater, profile="bold")
 
 
-def test_a_relay_test_gives_ultimate_rules_without_a_recommendation() -> None:
+def test_a_relay_test_is_tuned_by_the_model_of_its_cycles() -> None:
     loop = next(item for item in PLANT if item.tag == "TIC-201")
-    case = tune(relay_test(loop))
+    case = tune(relay_test(loop), relay_hysteresis=4 * loop.noise)
 
     assert case.relay is not None
+    assert case.model is case.relay.model
+    assert isinstance(case.process, FOPDT)
+    assert isinstance(loop.process, FOPDT)
+    assert case.process.theta == pytest.approx(loop.process.theta, rel=0.02)
+    assert case.relay.ultimate is not None
+    true, found = ultimate_point(loop.process), case.relay.ultimate
+    assert abs(found.Ku - true.Ku) < 3 * found.Ku_error
+    assert abs(case.relay.relay.Ku / true.Ku - 1) > 0.05  # by describing function
+    assert case.best is not None
+    pid = case.best.proposal.pid
+    assert pid is not None
+    assert verify(loop.process, pid, case.profile).passes
+
+
+def test_a_relay_test_without_a_model_gives_ultimate_rules_without_a_recommendation(
+    square_wave: Record,
+) -> None:
+    case = tune(square_wave, running=PID(Kc=0.1, Ti=100.0))
+
+    assert case.relay is not None
+    assert case.process is None
+    assert case.running is not None
     rules = {t.proposal.rule for t in case.tunings}
-    assert rules == {"ziegler_nichols_ultimate", "tyreus_luyben"}
+    assert {"ziegler_nichols_ultimate", "tyreus_luyben"} <= rules
     assert all(t.verification is None for t in case.tunings)
     assert case.recommended is None
-    assert "step test" in case.recommended_reason
+    assert "not switched by a relay" in case.recommended_reason
+
+
+def test_a_hysteresis_wider_than_the_swing_is_a_case_with_its_reason() -> None:
+    case = tune(relay_test(PLANT[3]), relay_hysteresis=100.0)
+
+    assert case.refused
+    assert "less than the hysteresis" in case.recommended_reason
 
 
 def test_every_plant_loop_with_a_lag_is_found_by_its_own_step_test() -> None:

@@ -233,4 +233,14 @@ def test_a_relay_test_looks_like_one_and_a_step_test_does_not() -> None:
 def test_the_remarks_say_what_was_used_and_how_far_off_it_can_be() -> None:
     found: RelayResult = relay_test(relay_record(theta=1.0))
     assert f"{found.cycles} settled cycles are used" in found.remarks[0]
-    assert "-19 % to +22 %" in found.remarks[1]
+    assert "off by -19 % to +23 %" in found.remarks[1]
+
+
+@pytest.mark.parametrize("theta", [0.1, 0.25, 2.0])
+def test_a_hysteresis_widens_the_range_of_the_true_ultimate_gain(theta: float) -> None:
+    eps = 0.2 * (1 - math.exp(-theta))
+    found = relay_test(relay_record(theta=theta, eps=eps), hysteresis=eps)
+    Ku, _ = exact_ultimate(theta)
+    assert found.Ku_low < Ku < found.Ku_high
+    plain = relay_test(relay_record(theta=theta))
+    assert found.Ku < plain.Ku  # it cycles more slowly
