@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loop.signals import Real
 from monitoring.basis import Basis, graded, refusal
 from monitoring.loop_signals import LoopSignals
 
@@ -53,7 +54,7 @@ def error_statistics(
     pv = signals.pv[np.isfinite(signals.pv)]
     if limits is not None and pv.size:
         outside = float(np.count_nonzero((pv < limits[0]) | (pv > limits[1])) / pv.size)
-    used = np.zeros(0)
+    used: Real = np.zeros(0)
     if error is not None:
         used = error[np.isfinite(error) & signals.automatic]
     if used.size < 2:

@@ -1,0 +1,63 @@
+"""All indices of one loop over one period, together."""
+
+from dataclasses import dataclass
+
+from monitoring.acf_decay import AcfDecay
+from monitoring.error_statistics import ErrorStatistics
+from monitoring.half_periods import HalfPeriods
+from monitoring.load_responses import LoadResponses
+from monitoring.minimum_variance import MinimumVariance
+from monitoring.oscillation import Oscillation
+from monitoring.sensor import SensorHealth
+from monitoring.set_point_moves import SetPointMoves
+from monitoring.stiction_result import Stiction
+from monitoring.usage import Usage
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControlIndices:
+    """Indices of the part of a record in which the controller was free to act.
+
+    Attributes
+    ----------
+    oscillation, set_point_oscillation : Oscillation
+        Oscillations of the error and of the set point; the latter None without a set point that
+        moves all the time.
+    half_periods, acf_decay, load_responses, set_point_moves
+        Indices of the same name.
+    stiction : Stiction
+        Whether the valve sticks.
+    minimum_variance : MinimumVariance
+        The error against the best possible.
+    """
+
+    oscillation: Oscillation
+    set_point_oscillation: Oscillation | None
+    half_periods: HalfPeriods
+    acf_decay: AcfDecay
+    set_point_moves: SetPointMoves
+    load_responses: LoadResponses
+    stiction: Stiction
+    minimum_variance: MinimumVariance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Indices:
+    """Every index of one loop over one period.
+
+    Attributes
+    ----------
+    usage : Usage
+        How much it was used.
+    error : ErrorStatistics
+        How far PV was from its set point.
+    sensor : SensorHealth
+        What the measurement is worth.
+    control : ControlIndices or None
+        How it controls; None where the controller was never free to act for long enough.
+    """
+
+    usage: Usage
+    error: ErrorStatistics
+    sensor: SensorHealth
+    control: ControlIndices | None

@@ -1,0 +1,217 @@
+"""Minimum-variance index: how much of the error no controller could have removed."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from loop.autoregression import autocovariance
+from loop.errors import PoorExcitation
+from loop.regression import lagged, least_squares
+from loop.signals import Real
+from monitoring.basis import Basis, Setting, graded, refusal
+
+ORDER = 20
+FEWEST_PER_ORDER = 15
+# Above this many samples the sums of products come from the autocorrelation by FFT.
+FAST_FROM = 5000
+# The extended horizon is judged where eta has risen by less than this over half its delay again.
+FLAT = 0.02
+
+
+class Estimator(StrEnum):
+    """Which regression gave the index."""
+
+    LEAST_SQUARES = "least squares on y[t-b], y[t-b-1] ..."
+    AUTOCORRELATION = "normal equations of the autocorrelation at the lags b, b+1 ..."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MinimumVariance:
+    """Minimum-variance index of one loop, with everything that decides it.
+
+    Attributes
+    ----------
+    eta : float or None
+        sigma_mv^2/sigma_y^2: 1 is the best any controller can do, 0 the worst. [-]
+    low, high : float or None
+        About a 95 % interval from blocks of the record. [-]
+    minimum_variance : float or None
+        sigma_mv^2. [PV^2]
+    delay : int
+        Delay b, sample-and-hold included. [samples]
+    order : int
+        Coefficients m of the regression.
+    estimator : Estimator
+        Regression used.
+    extended : bool
+        The delay is not known and was extended to where eta flattens: eta is then a comparison of
+        the loop with itself, not with a best possible controller.
+    comparable : bool
+        Fit for ranking: not averaging level, not saturated, not sticking.
+    basis : Basis
+        What this rests on.
+    """
+
+    eta: float | None
+    low: float | None
+    high: float | None
+    minimum_variance: float | None
+    delay: int
+    order: int
+    estimator: Estimator
+    extended: bool
+    comparable: bool
+    basis: Basis
+
+
+def minimum_variance(
+    error: Real,
+    *,
+    delay: int | None,
+    order: int = ORDER,
+    share: float = 1.0,
+    marks: tuple[str, ...] = (),
+) -> MinimumVariance:
+    r"""Estimate the minimum-variance index [1]_ by one regression over the delay.
+
+    .. math:: y_t = c + \sum_{i=1}^{m} a_i\, y_{t-b-i+1} + e_t,\qquad
+              \eta = \frac{s_e^2}{\overline{(y-\bar y)^2}}
+
+    Parameters
+    ----------
+    error : ndarray, shape (n,)
+        Control error, evenly sampled, NaN in gaps. [PV]
+    delay : int, optional
+        Delay from OP to PV, one sample at least for the hold. Without it the horizon is extended
+        to where eta flattens. [samples]
+    order : int
+        Coefficients m.
+    share : float
+        Part of the record that the error covers. [-]
+    marks : tuple of str
+        Why the index must not be used for ranking, if so.
+
+    References
+    ----------
+    .. [1] T. J. Harris, "Assessment of control loop performance", Canadian Journal of Chemical
+       Engineering 67 (1989); from memory, checked against a closed form.
+    """
+    if delay is not None and delay < 1:
+        raise ValueError(f"delay must be at least one sample, got {delay}")
+    if order < 1:
+        raise ValueError(f"order must be at least 1, got {order}")
+    fast = error.size >= FAST_FROM and bool(np.all(np.isfinite(error)))
+    estimator = Estimator.AUTOCORRELATION if fast else Estimator.LEAST_SQUARES
+    settings: tuple[Setting, ...] = (("order", float(order)), ("estimator", str(estimator)))
+    known = int(np.count_nonzero(np.isfinite(error)))
+    most = max(min(known // (4 * order), 200), 1)
+    try:
+        _check_length(known, order, delay or 1)
+        extended = delay is None
+        b = _flat_horizon(error, order, most, fast=fast) if delay is None else delay
+        eta = _eta(error, b, order, fast=fast)
+        low, high = _interval(error, b, order, eta, fast=fast)
+    except PoorExcitation as reason:
+        return MinimumVariance(
+            eta=None, low=None, high=None, minimum_variance=None, delay=delay or 1, order=order,
+            estimator=estimator, extended=delay is None, comparable=False,
+            basis=refusal(str(reason), share=share, settings=settings),
+        )  # fmt: skip
+    doubts = (
+        ("the delay is not known: eta uses the horizon at which it flattens",) if extended else ()
+    )
+    return MinimumVariance(
+        eta=eta,
+        low=low,
+        high=high,
+        minimum_variance=eta * float(np.nanvar(error)),
+        delay=b,
+        order=order,
+        estimator=estimator,
+        extended=extended,
+        comparable=not marks,
+        basis=graded(share, (*doubts, *marks), settings=settings),
+    )
+
+
+def _check_length(known: int, order: int, delay: int) -> None:
+    if known < FEWEST_PER_ORDER * order + delay:
+        raise PoorExcitation(
+            f"{known} samples are too few for {order} coefficients and a delay of {delay} samples"
+        )
+
+
+def _eta(error: Real, delay: int, order: int, *, fast: bool) -> float:
+    """Residual over whole variance, at most 1."""
+    if fast:
+        return _fast_etas(_covariance(error[None], delay + order)[0], [delay], order)[0]
+    X = np.column_stack([lagged(error, range(delay, delay + order)), np.ones(error.size)])
+    fit = least_squares(X, error)
+    variance = float(np.nanvar(error[np.isfinite(fit.residuals)]))
+    if not variance > 0:
+        raise PoorExcitation("the error does not move")
+    return float(min(fit.noise_variance / variance, 1.0))
+
+
+def _covariance(rows: Real, lags: int) -> Real:
+    """Autocovariance of every row at the lags 0..lags, by products: the fast way for few lags."""
+    z = rows - rows.mean(axis=1, keepdims=True)
+    n = z.shape[1]
+    sums = [np.einsum("ij,ij->i", z[:, k:], z[:, : n - k]) for k in range(lags + 1)]
+    return np.asarray(np.stack(sums, axis=1) / n)
+
+
+def _fast_etas(r: Real, delays: list[int], order: int) -> list[float]:
+    """Eta of several delays: toeplitz(r) a = r[b..], eta = 1 - a r[b..]/r[0]."""
+    if not r[0] > 0:
+        raise PoorExcitation("the error does not move")
+    i = np.arange(order)
+    # A jitter of 1e-12 keeps the matrix of a signal without noise factorable.
+    matrix = (r / r[0])[np.abs(i[:, None] - i)] + 1e-12 * np.eye(order)
+    factor = cho_factor(matrix)
+    etas = []
+    for b in delays:
+        right = r[b : b + order] / r[0]
+        etas.append(float(np.clip(1 - right @ cho_solve(factor, right), 0.0, 1.0)))
+    return etas
+
+
+def _flat_horizon(error: Real, order: int, most: int, *, fast: bool) -> int:
+    """First horizon from which half as much again raises eta by less than `FLAT`."""
+    horizons = sorted({max(round(1.5**k), 1) for k in range(14)})
+    horizons = [b for b in horizons if b <= most] or [1]
+    if fast:
+        r = autocovariance(error, horizons[-1] + order)
+        etas = _fast_etas(r, horizons, order)
+    else:
+        etas = [_eta(error, b, order, fast=False) for b in horizons]
+    for b, here, ahead in zip(horizons, etas, etas[1:], strict=False):
+        if ahead - here < FLAT:
+            return b
+    return horizons[-1]
+
+
+def _interval(
+    error: Real, delay: int, order: int, eta: float, *, fast: bool
+) -> tuple[float | None, float | None]:
+    """Interval of about 95 % from the spread of eta over blocks of the record."""
+    blocks = min(error.size // (FEWEST_PER_ORDER * order + delay), 8)
+    if blocks < 4:
+        return None, None
+    found = []
+    if fast:
+        rows = error[: error.size // blocks * blocks].reshape(blocks, -1)
+        moving = [r for r in _covariance(rows, delay + order) if r[0] > 0]
+        found = [_fast_etas(r, [delay], order)[0] for r in moving]
+    for part in [] if fast else np.array_split(error, blocks):
+        try:
+            found.append(_eta(part, delay, order, fast=fast))
+        except PoorExcitation:
+            continue
+    if len(found) < 4:
+        return None, None
+    # Student's t for three to seven degrees of freedom lies between 3.2 and 2.4.
+    half = 2.8 * float(np.std(found, ddof=1)) / np.sqrt(len(found))
+    return max(eta - half, 0.0), min(eta + half, 1.0)

@@ -1,0 +1,339 @@
+"""Oscillations of the control error: lines in the spectrum that stay regular in time.
+
+A line is looked for in the spectrum of the whole record and of shorter and shorter segments. What
+stands out is filtered to its own band and must pass there as an oscillation: regular crossings of
+its autocorrelation, an autocorrelation that lasts, a fair part of the error's variance, and enough
+cycles in a row. It is then taken off and the next one is looked for.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from loop.autoregression import autocovariance
+from loop.signals import Real
+from monitoring.basis import Basis, Setting, graded, refusal
+from monitoring.spectrum import Spectra, band_pass, segment_spectra
+
+FEWEST_CYCLES = 6
+FEWEST_SAMPLES = 64
+SHORTEST_PERIOD = 4.0
+# Below this many samples a cycle, the waveform and its amplitude are only guessed.
+COARSE_PERIOD = 8.0
+BAND = 2**0.4
+SEGMENT_RATIO = 4
+SHORTEST_SEGMENT = 96
+MOST_OSCILLATIONS = 3
+PERSISTENT_SHARE = 0.7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What a candidate must reach; fixed on simulated healthy and oscillating loops.
+
+    Attributes
+    ----------
+    score : float
+        Power of the line over the smooth spectrum. [-]
+    regularity : float
+        Regularity r of the crossings of the autocorrelation. [-]
+    lasting : float
+        Autocorrelation that is left after two and a half to five periods. [-]
+    share : float
+        Part of the variance within the band. [-]
+    cycles : float
+        Cycles in a row. [-]
+    """
+
+    score: float
+    regularity: float
+    lasting: float
+    share: float
+    cycles: float
+
+
+WHOLE = Limits(score=7.0, regularity=6.0, lasting=0.5, share=0.3, cycles=4.5)
+SEGMENT = Limits(score=30.0, regularity=10.0, lasting=0.75, share=0.4, cycles=5.5)
+
+
+class OscillationVerdict(StrEnum):
+    """Whether a loop oscillates."""
+
+    NONE = "none"
+    INTERMITTENT = "intermittent"
+    PERSISTENT = "persistent"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OscillationComponent:
+    """One oscillation.
+
+    Attributes
+    ----------
+    period : float
+        Mean period. [s]
+    amplitude : float
+        Amplitude of its fundamental wave while it lasts. [PV]
+    regularity : float
+        r = Tp/(3 sigma) of the filtered autocorrelation [1]_. [-]
+    decay_ratio : float
+        Autocorrelation that is left after two and a half to five periods. [-]
+    score : float
+        Power of the line over the smooth spectrum around it. [-]
+    share : float
+        Part of the variance of the error in its band. [-]
+    start, end : float
+        First and last instant, from the first sample. [s]
+    cycles : float
+        Cycles between them. [-]
+    persistent : bool
+        It lasts through most of the record.
+
+    References
+    ----------
+    .. [1] N. F. Thornhill, B. Huang and H. Zhang, "Detection of multiple oscillations in control
+       loops", Journal of Process Control 13 (2003); the definition is from memory.
+    """
+
+    period: float
+    amplitude: float
+    regularity: float
+    decay_ratio: float
+    score: float
+    share: float
+    start: float
+    end: float
+    cycles: float
+    persistent: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Oscillation:
+    """Oscillations of a loop, the strongest first.
+
+    Attributes
+    ----------
+    verdict : OscillationVerdict
+        Whether it oscillates.
+    components : tuple of OscillationComponent
+        What was found.
+    basis : Basis
+        What this rests on.
+    """
+
+    verdict: OscillationVerdict
+    components: tuple[OscillationComponent, ...]
+    basis: Basis
+
+    @property
+    def oscillates(self) -> bool:
+        """Whether there is any oscillation."""
+        return bool(self.components)
+
+    @property
+    def main(self) -> OscillationComponent | None:
+        """The strongest oscillation."""
+        return self.components[0] if self.components else None
+
+
+def oscillation(
+    error: Real, dt: float, *, share: float = 1.0, compressed: bool = False, segments: bool = True
+) -> Oscillation:
+    """Find the oscillations of a control error.
+
+    Parameters
+    ----------
+    error : ndarray, shape (n,)
+        Control error, evenly sampled, without gaps. [PV]
+    dt : float
+        Sample time. [s]
+    share : float
+        Part of the record that the error covers. [-]
+    compressed : bool
+        Whether the historian compressed PV beyond what spectra bear.
+    segments : bool
+        Look for oscillations that last for a part of the record only, too.
+    """
+    if error.size < FEWEST_SAMPLES:
+        return _undecided(f"{error.size} samples are fewer than {FEWEST_SAMPLES}", share)
+    if not np.ptp(error) > 1e-12 * float(np.max(np.abs(error))):
+        why = "the error does not move"
+        return Oscillation(
+            verdict=OscillationVerdict.NONE, components=(),
+            basis=graded(share, (why,), settings=_settings()),
+        )  # fmt: skip
+    rest = error
+    found: list[OscillationComponent] = []
+    while len(found) < MOST_OSCILLATIONS:
+        component = _strongest(rest, dt, segments=segments)
+        if component is None:
+            break
+        found.append(component)
+        rest = rest - band_pass(rest, component.period / dt, width=BAND)
+    doubts = []
+    if compressed:
+        doubts.append("PV was compressed: weak oscillations are lost and shapes are straightened")
+    if found and found[0].period < COARSE_PERIOD * dt:
+        doubts.append(f"the period is only {found[0].period / dt:.1f} samples long")
+    verdict = OscillationVerdict.NONE
+    if found:
+        lasting = any(component.persistent for component in found)
+        verdict = OscillationVerdict.PERSISTENT if lasting else OscillationVerdict.INTERMITTENT
+    return Oscillation(
+        verdict=verdict,
+        components=tuple(found),
+        basis=graded(share, tuple(doubts), settings=_settings()),
+    )
+
+
+def _undecided(why: str, share: float) -> Oscillation:
+    return Oscillation(
+        verdict=OscillationVerdict.UNDECIDED, components=(),
+        basis=refusal(why, share=share, settings=_settings()),
+    )  # fmt: skip
+
+
+def _settings() -> tuple[Setting, ...]:
+    return (
+        ("score, whole record", WHOLE.score),
+        ("score, segment", SEGMENT.score),
+        ("regularity, whole record", WHOLE.regularity),
+        ("regularity, segment", SEGMENT.regularity),
+        ("lasting autocorrelation, whole record", WHOLE.lasting),
+        ("lasting autocorrelation, segment", SEGMENT.lasting),
+        ("share of the variance, whole record", WHOLE.share),
+        ("share of the variance, segment", SEGMENT.share),
+        ("cycles in a row, segment", SEGMENT.cycles),
+        ("half-width of the band, octaves", float(np.log2(BAND))),
+        ("shortest period, samples", SHORTEST_PERIOD),
+    )
+
+
+def _strongest(error: Real, dt: float, *, segments: bool) -> OscillationComponent | None:
+    """Candidates of the whole record first, then of shorter and shorter segments."""
+    length, limits = error.size, WHOLE
+    while length >= SHORTEST_SEGMENT or length == error.size:
+        spectra = segment_spectra(
+            error, length, fewest_cycles=FEWEST_CYCLES, shortest=SHORTEST_PERIOD
+        )
+        found = _confirmed(error, spectra, dt, limits)
+        if found is not None or not segments:
+            return found
+        length, limits = length // SEGMENT_RATIO, SEGMENT
+    return None
+
+
+def _confirmed(
+    error: Real, spectra: Spectra, dt: float, limits: Limits
+) -> OscillationComponent | None:
+    """Try the highest line and, in the whole record, two more."""
+    scores = spectra.scores.copy()
+    for _ in range(3 if scores.shape[0] == 1 else 1):
+        row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
+        score = float(scores[row, column])
+        if score < limits.score:
+            return None
+        period = spectra.length / (spectra.first + int(column))
+        first = spectra.starts[int(row)]
+        # The share told by the spectrum is cheap; a candidate far below its limit is not filtered.
+        if spectra.share(int(row), period, BAND) >= 0.7 * limits.share:
+            found = _component(
+                error, period, (first, first + spectra.length), dt=dt, score=score, limits=limits
+            )
+            if found is not None:
+                return found
+        scores[row, max(int(column) - 2, 0) : int(column) + 3] = 0.0
+    return None
+
+
+def _component(
+    error: Real,
+    period: float,
+    region: tuple[int, int],
+    *,
+    dt: float,
+    score: float,
+    limits: Limits,
+) -> OscillationComponent | None:
+    """Filter to the band and hold the oscillation to its limits; period in samples."""
+    wave = band_pass(error, period, width=BAND)
+    part = slice(*region)
+    variance = float(np.var(error[part]))
+    share = float(np.var(wave[part])) / variance if variance > 0 else 0.0
+    if share < limits.share:
+        return None
+    mean_period, regularity, lasting = acf_regularity(wave[part], period)
+    if regularity < limits.regularity or lasting < limits.lasting:
+        return None
+    first, last, active, amplitude = _activity(wave, period, region)
+    if (last - first) / period < limits.cycles:
+        return None
+    return OscillationComponent(
+        period=mean_period * dt,
+        amplitude=amplitude,
+        regularity=regularity,
+        decay_ratio=lasting,
+        score=score,
+        share=share,
+        start=first * dt,
+        end=last * dt,
+        cycles=(last - first) / mean_period,
+        persistent=active >= PERSISTENT_SHARE,
+    )
+
+
+def acf_regularity(wave: Real, period: float) -> tuple[float, float, float]:
+    """Period, regularity and what lasts of the autocorrelation of a filtered signal.
+
+    r = Tp/(3 sigma), Tp = 2 mean, sigma = 2 sd of the first ten distances between crossings of 0.
+
+    Parameters
+    ----------
+    wave : ndarray, shape (n,)
+        Signal filtered to one band.
+    period : float
+        Expected period. [samples]
+
+    Returns
+    -------
+    period, regularity, lasting : float
+        Period [samples], r [-], largest |autocorrelation| from 2.5 to 5 periods [-].
+    """
+    lags = max(min(int(6.5 * period), wave.size - 2), 1)
+    covariance = autocovariance(wave, lags)
+    if not covariance[0] > 0:
+        return period, 0.0, 0.0
+    rho = covariance / covariance[0] / (1 - np.arange(lags + 1) / wave.size)
+    turns = np.flatnonzero((rho[1:] > 0) != (rho[:-1] > 0))
+    crossings = turns + rho[turns] / (rho[turns] - rho[turns + 1])
+    distances = np.diff(crossings[:11])
+    tail = np.abs(rho[min(int(2.5 * period), lags) : int(5 * period) + 1])
+    lasting = float(min(np.max(tail, initial=0.0), 1.0))
+    if distances.size < 4:
+        return period, 0.0, lasting
+    mean, spread = float(np.mean(distances)), float(np.std(distances))
+    # A sampled autocorrelation is never more regular than its crossings can be read.
+    return 2 * mean, mean / (3 * max(spread, 1e-3 * mean)), lasting
+
+
+def _activity(wave: Real, period: float, region: tuple[int, int]) -> tuple[int, int, float, float]:
+    """First and one past the last active sample of the longest run, active part, amplitude.
+
+    A window of one period is active where its mean square reaches a quarter of the region's 90 %
+    quantile; breaks of up to two periods do not end a run.
+    """
+    window = max(round(period), 2)
+    sums = np.cumsum(np.r_[0.0, wave * wave])
+    power = np.maximum(sums[window:] - sums[:-window], 0.0) / window
+    there = power[region[0] : max(region[1] - window, region[0] + 1)]
+    active = power >= 0.25 * float(np.quantile(there, 0.9))
+    places = np.flatnonzero(active)
+    breaks = np.flatnonzero(np.diff(places) > 2 * window)
+    starts = places[np.r_[0, breaks + 1]]
+    ends = places[np.r_[breaks, places.size - 1]]
+    best = int(np.argmax(ends - starts))
+    first, last = int(starts[best]), int(ends[best]) + window
+    amplitude = float(np.sqrt(2 * np.mean(wave[first:last] ** 2)))
+    return first, last, (last - first) / wave.size, amplitude

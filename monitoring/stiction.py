@@ -1,0 +1,226 @@
+"""Does the valve stick? All methods together, as one calibrated probability."""
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from loop.signals import Real
+from monitoring.basis import Basis, Confidence, Setting, refusal
+from monitoring.loop_signals import Stretch
+from monitoring.op_pv_figure import apparent_stiction
+from monitoring.oscillation import Oscillation
+from monitoring.stiction_features import NAMES, StictionFeatures, stiction_features
+from monitoring.stiction_result import Stiction, StictionEvidence, StictionVerdict
+from monitoring.wave_shapes import area_ratio, hagglund_index, he_index, rossi_scali_index
+
+WEIGHTS = Path(__file__).parent / "stiction_weights.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StictionModel:
+    """Logistic model on the features and their squares, fitted on simulated loops.
+
+    Attributes
+    ----------
+    mean, spread : ndarray, shape (k,)
+        Mean and standard deviation of the features there.
+    weights : ndarray, shape (1 + 2 k,)
+        Constant, weights of the scaled features and of their squares.
+    stiction_from, none_below : float
+        Probabilities from which the answer is stiction, and below which it is none.
+    """
+
+    mean: Real
+    spread: Real
+    weights: Real
+    stiction_from: float
+    none_below: float
+
+    def probability(self, vector: Real) -> float:
+        """Probability of stiction for one vector of features."""
+        z = np.clip((vector - self.mean) / self.spread, -4.0, 4.0)
+        score = float(self.weights @ np.r_[1.0, z, z * z])
+        return float(1 / (1 + np.exp(-np.clip(score, -30, 30))))
+
+
+@cache
+def stiction_model() -> StictionModel:
+    """Read the weights that `benchmarks/stiction_weights.py` fitted."""
+    body = json.loads(WEIGHTS.read_text("utf-8"))
+    if tuple(body["names"]) != NAMES:
+        raise ValueError("the weights belong to other features: fit them again")
+    return StictionModel(
+        mean=np.array(body["mean"]),
+        spread=np.array(body["spread"]),
+        weights=np.array(body["weights"]),
+        stiction_from=float(body["stiction_from"]),
+        none_below=float(body["none_below"]),
+    )
+
+
+def stiction(
+    stretch: Stretch,
+    swings: Oscillation,
+    *,
+    op_span: float = 100.0,
+    integrating: bool = False,
+    compressed: bool = False,
+) -> Stiction:
+    """Judge the valve from the waves of OP and PV.
+
+    Parameters
+    ----------
+    stretch : Stretch
+        Controlled part of a record.
+    swings : Oscillation
+        Oscillations of its error.
+    op_span : float
+        Range of the output. [OP]
+    integrating : bool
+        Whether the process integrates.
+    compressed : bool
+        Whether the historian compressed PV beyond what wave shapes bear.
+    """
+    found = None
+    if np.ptp(stretch.op) > 1e-3 * op_span and np.ptp(stretch.pv) > 0:
+        found = stiction_features(
+            stretch.op, stretch.pv, stretch.error, swings, stretch.dt, integrating=integrating
+        )
+    if found is None:
+        return _nothing_to_judge(stretch)
+    model = stiction_model()
+    probability = model.probability(found.vector)
+    verdict = StictionVerdict.UNDECIDED
+    if probability >= model.stiction_from:
+        verdict = StictionVerdict.STICTION
+    elif probability < model.none_below:
+        verdict = StictionVerdict.NONE
+    size = apparent_stiction(stretch.op, stretch.pv, found.period)
+    return Stiction(
+        verdict=verdict,
+        probability=probability,
+        evidence=_evidence(found, integrating),
+        apparent_size=None if size is None else 100 * size / op_span,
+        basis=_basis(stretch, swings, found, verdict, compressed, model),
+    )
+
+
+def _nothing_to_judge(stretch: Stretch) -> Stiction:
+    return Stiction(
+        verdict=StictionVerdict.UNDECIDED,
+        probability=None,
+        evidence=(),
+        apparent_size=None,
+        basis=refusal(
+            "OP and PV do not move through three cycles of one period", share=stretch.share
+        ),
+    )
+
+
+def _basis(
+    stretch: Stretch,
+    swings: Oscillation,
+    found: StictionFeatures,
+    verdict: StictionVerdict,
+    compressed: bool,
+    model: StictionModel,
+) -> Basis:
+    doubts = []
+    if not swings.oscillates:
+        doubts.append("there is no clear oscillation whose wave could be judged")
+    if compressed:
+        doubts.append("PV was compressed, which straightens waves")
+    if found.period < 12:
+        doubts.append(f"a cycle has only {found.period:.0f} samples")
+    if found.cycle.cycles < 6:
+        doubts.append(f"only {found.cycle.cycles} cycles are alike")
+    if verdict is StictionVerdict.UNDECIDED:
+        doubts.append("the probability lies between the two limits")
+    settings: tuple[Setting, ...] = (
+        ("period, s", found.period * stretch.dt),
+        ("cycles", float(found.cycle.cycles)),
+        ("stiction from", model.stiction_from),
+        ("none below", model.none_below),
+        ("fitted on", "simulated loops alone"),
+    )
+    grades = (Confidence.HIGH, Confidence.MEDIUM, Confidence.LOW)
+    return Basis(
+        share=stretch.share,
+        confidence=grades[min(len(doubts), 2)],
+        reasons=tuple(doubts),
+        settings=settings,
+    )
+
+
+def _evidence(found: StictionFeatures, integrating: bool) -> tuple[StictionEvidence, ...]:
+    """Every method's own word, by its published limits."""
+    cycle = found.cycle
+    he = he_index(cycle.pv if integrating else cycle.op)
+    relay = rossi_scali_index(cycle.pv)
+    square = hagglund_index(cycle.pv)
+    ratio = area_ratio(cycle.pv)
+    return (
+        _horch(found, integrating),
+        StictionEvidence(
+            method="curve fitting (He)", value=he, verdict=_between(he, 0.4, 0.6),
+            note="E_sine/(E_sine + E_triangle) of " + ("PV" if integrating else "OP"),
+        ),
+        StictionEvidence(
+            method="relay fitting (Rossi-Scali)", value=relay,
+            verdict=_between(relay, -0.21, 0.21), note="(E_sine - E_RT)/(E_sine + E_RT) of PV",
+        ),
+        StictionEvidence(
+            method="square fitting (Hägglund)", value=square, verdict=_between(square, 0.0, 0.0),
+            note="(V_sine - V_square)/(V_sine + V_square) of PV",
+        ),
+        StictionEvidence(
+            method="area ratio (Singhal-Salsbury)", value=ratio,
+            verdict=_between(ratio, 1.05, 1.3), note="area before over area after the peak of PV",
+        ),
+        _nonlinear(found),
+    )  # fmt: skip
+
+
+def _between(value: float, none: float, some: float) -> StictionVerdict:
+    if value > some:
+        return StictionVerdict.STICTION
+    return StictionVerdict.NONE if value <= none else StictionVerdict.UNDECIDED
+
+
+def _horch(found: StictionFeatures, integrating: bool) -> StictionEvidence:
+    method = "cross-correlation (Horch)"
+    seen = found.correlation
+    if integrating or seen is None:
+        why = "for self-regulating processes only" if integrating else "it does not cross zero"
+        return StictionEvidence(
+            method=method, value=None, verdict=StictionVerdict.UNDECIDED, note=why
+        )
+    verdict = StictionVerdict.UNDECIDED
+    if seen.odd or seen.even:
+        verdict = StictionVerdict.STICTION if seen.odd else StictionVerdict.NONE
+    return StictionEvidence(
+        method=method,
+        value=seen.delta_tau,
+        verdict=verdict,
+        note=f"delta tau; delta rho {seen.delta_rho:.2f}; odd beyond 2/3, even below 1/3",
+    )
+
+
+def _nonlinear(found: StictionFeatures) -> StictionEvidence:
+    method = "bicoherence (Choudhury)"
+    seen = found.bicoherence
+    if seen is None:
+        return StictionEvidence(
+            method=method, value=None, verdict=StictionVerdict.UNDECIDED, note="too few samples"
+        )
+    note = "NLI, after NGI fired" if seen.NLI is not None else "NGI; it did not fire"
+    return StictionEvidence(
+        method=method,
+        value=seen.NLI if seen.NLI is not None else seen.NGI,
+        # Blind to symmetric cycles, so that silence proves nothing.
+        verdict=StictionVerdict.STICTION if seen.nonlinear else StictionVerdict.UNDECIDED,
+        note=note,
+    )
