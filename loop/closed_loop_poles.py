@@ -5,7 +5,7 @@ their number is proven by the principle of the argument.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,20 +14,24 @@ from loop.crossovers import crossovers, gain_cuts
 from loop.errors import UnstableLoop
 from loop.factors import FactoredLoop, polynomial_roots
 from loop.process import Process
-from loop.signals import Complex, Real
+from loop.signals import Complex, Flags, Real
 from loop.stability import count_unstable_poles
 from loop.winding import turning
 
 # The view by default: this many times the crossover, and no further than so many turns of the
 # dead time and so many powers of e, which its discretisation still resolves.
 FRAME = 10.0
-HIGHEST_TURN, FURTHEST_LEFT = 100.0, 12.0
+HIGHEST_TURN, FURTHEST_LEFT = 40.0, 12.0
 FEWEST_NODES = 24
 MOST_NODES = 400
 NEWTON_STEPS = 40
 # A start value that moves further than this, over its size, was no approximation of a root.
 NEAR = 1e-2
 ROOT = 1e-9
+# A zero this close to a pole, over its size, cancels it: the root between them cannot be told.
+CANCELS = 1e-7
+# How much of the right half-plane to show beside the left.
+RIGHT_SHOWN = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +117,8 @@ def closed_loop_poles(
         raise UnstableLoop(count_unstable_poles(loop, gain_cuts(loop)))
     view = rectangle or default_rectangle(loop)
     nodes = nodes_for(loop, view)
-    expected = _count(loop, view)
+    seen, hidden = _without_cancellations(loop)
+    expected = _count(seen, view) + _inside(hidden, view).size
     while True:
         poles = poles_within(loop, view, nodes)
         if poles.size == expected:
@@ -140,11 +145,33 @@ def poles_within(loop: FactoredLoop, view: Rectangle, nodes: int) -> Complex:
     """
     if not loop.theta:
         return _inside(_polynomial_roots(loop), view)
-    return _sorted(_inside(_refined(loop, _start_values(loop, nodes)), view))
+    seen, hidden = _without_cancellations(loop)
+    starts = _start_values(seen, nodes)
+    margin = NEAR * (np.abs(starts) + 1 / loop.theta)
+    # Eigenvalues far outside are the discretisation's own, and lead nowhere.
+    found = _refined(seen, starts[_within(starts, view, margin)])
+    return _sorted(_inside(np.concatenate([found, hidden]), view))
+
+
+def _without_cancellations(loop: FactoredLoop) -> tuple[FactoredLoop, Complex]:
+    """Take out poles that a zero hides, as Ti = tau does: each stays a pole of the closed loop."""
+    zeros, hidden = list(loop.zeros), []
+    poles = []
+    for pole in loop.poles:
+        near = next((z for z in zeros if abs(z - pole) <= CANCELS * abs(pole)), None)
+        if near is None:
+            poles.append(pole)
+        else:
+            zeros.remove(near)
+            hidden.append(pole)
+    if not hidden:
+        return loop, np.array([], dtype=complex)
+    seen = replace(loop, zeros=np.array(zeros, complex), poles=np.array(poles, complex))
+    return seen, np.array(hidden, dtype=complex)
 
 
 def default_rectangle(loop: FactoredLoop) -> Rectangle:
-    """Choose a view around the gain crossover that holds every unstable pole.
+    """Choose a view around the gain crossover with the unstable poles, as high as 40/theta.
 
     Parameters
     ----------
@@ -156,18 +183,20 @@ def default_rectangle(loop: FactoredLoop) -> Rectangle:
     unit = float(cuts.wc[-1]) if cuts.wc.size else float(np.min(roots, initial=1 / loop.theta))
     runs = crossovers(loop, cuts).runs
     w180 = max((run.w180 for run in runs if not math.isnan(run.w180)), default=0.0)
-    # Right of the axis |d| <= |n| at a root, so it lies within Cauchy's bound.
-    right = _outermost_unstable(loop, unit)
-    height = max(min(max(FRAME * unit, 2 * w180), HIGHEST_TURN / loop.theta), 1.01 * right)
+    right, furthest = _unstable_bounds(loop, unit)
+    height = max(FRAME * unit, 2 * w180, 1.01 * furthest)
+    height = min(height, HIGHEST_TURN / loop.theta)
     left = min(FRAME * unit, FURTHEST_LEFT / loop.theta)
     # Odd factors keep the edges off round numbers, where roots like to lie.
-    return Rectangle(
-        left=-1.0137 * float(left), right=1.0071 * right, height=1.0113 * float(height)
-    )
+    right = max(right, RIGHT_SHOWN * left)
+    return Rectangle(left=-1.0137 * left, right=1.0071 * right, height=1.0113 * height)
 
 
-def _outermost_unstable(loop: FactoredLoop, unit: float) -> float:
-    """Radius beyond which |d| > |n| in the right half-plane. [rad/s]"""
+def _unstable_bounds(loop: FactoredLoop, unit: float) -> tuple[float, float]:
+    """Largest real part and largest size that an unstable pole can have. [rad/s]
+
+    Right of the axis |d| <= |n| e^(-theta Re s) at a pole.
+    """
     sizes = np.abs(np.concatenate([loop.poles, loop.zeros, [unit]]))
     low, high = np.log10(np.min(sizes[sizes > 0])) - 2, np.log10(np.max(sizes)) + 6
     radius = np.logspace(low, high, math.ceil(20 * (high - low)))[:, None]
@@ -177,7 +206,12 @@ def _outermost_unstable(loop: FactoredLoop, unit: float) -> float:
     nearest = np.maximum(np.maximum(radius - np.abs(poles), plain), 1e-300)
     excess = loop.log_k + np.sum(np.log(radius + zeros), axis=1) - np.sum(np.log(nearest), axis=1)
     possible = np.flatnonzero(excess >= 0)
-    return float(radius[min(possible[-1] + 1, radius.size - 1), 0]) if possible.size else unit
+    if not possible.size:
+        return unit, unit
+    furthest = float(radius[min(possible[-1] + 1, radius.size - 1), 0])
+    real = float(np.max(np.minimum(radius[:, 0], excess / loop.theta)[possible]))
+    # Between two radii of the grid the bound may stand a little higher.
+    return max(1.3 * real, 1e-3 * furthest), furthest
 
 
 def nodes_for(loop: FactoredLoop, view: Rectangle) -> int:
@@ -237,8 +271,11 @@ def _scaled_parts(loop: FactoredLoop, s: Complex) -> tuple[Complex, Complex]:
 
 def residual(loop: FactoredLoop, s: Complex) -> Real:
     """|d + n e^(-theta s)| over |d| + |n e^(-theta s)|. [-]"""
-    d, n = _scaled_parts(loop, s)
-    return np.asarray(np.abs(d + n) / (np.abs(d) + np.abs(n)))
+    seen, hidden = _without_cancellations(loop)
+    d, n = _scaled_parts(seen, s)
+    size = np.abs(d + n) / (np.abs(d) + np.abs(n))
+    # A zero of the loop that hides a pole leaves that pole a root, exactly.
+    return np.asarray(np.where(np.isin(s, hidden), 0.0, size))
 
 
 def gain_sensitivity(loop: FactoredLoop, s: Complex) -> Complex:
@@ -312,8 +349,12 @@ def _refined(loop: FactoredLoop, starts: Complex) -> Complex:
 
 
 def _inside(s: Complex, view: Rectangle) -> Complex:
-    within = (s.real > view.left) & (s.real < view.right) & (np.abs(s.imag) < view.height)
-    return s[within]
+    return s[_within(s, view, np.zeros(s.shape))]
+
+
+def _within(s: Complex, view: Rectangle, margin: Real) -> Flags:
+    wide = (s.real > view.left - margin) & (s.real < view.right + margin)
+    return np.asarray(wide & (np.abs(s.imag) < view.height + margin))
 
 
 def _start_values(loop: FactoredLoop, nodes: int) -> Complex:

@@ -87,7 +87,7 @@ def root_locus(
     if k.size < 2 or not k[0] > 0 or not np.all(np.isfinite(k)) or np.any(np.diff(k) <= 0):
         raise ValueError("the factors on the gain must be positive and ascend, two or more of them")
     crossings = _crossings(loop, float(k[0]), float(k[-1]))
-    view = rectangle or _picture(loop, max((w for _, w in crossings), default=0.0))
+    view = rectangle or _picture(loop, _with_gain(loop, float(k[-1])), crossings)
     nodes = nodes_for(loop, view) if loop.theta else 0
     found = [poles_within(_with_gain(loop, factor), view, nodes) for factor in k]
     return RootLocus(
@@ -104,11 +104,17 @@ def _with_gain(loop: FactoredLoop, k: float) -> FactoredLoop:
     return replace(loop, log_k=loop.log_k + math.log(k))
 
 
-def _picture(loop: FactoredLoop, crossing: float) -> Rectangle:
+def _picture(
+    loop: FactoredLoop, loudest: FactoredLoop, crossings: tuple[tuple[float, float], ...]
+) -> Rectangle:
     if loop.theta:
         view = default_rectangle(loop)
-        highest = min(1.3137 * crossing, HIGHEST_TURN / loop.theta)
-        return replace(view, height=max(view.height, highest))
+        highest = 1.3137 * max((w for _, w in crossings), default=0.0)
+        return replace(
+            view,
+            height=max(view.height, min(highest, HIGHEST_TURN / loop.theta)),
+            right=max(view.right, default_rectangle(loudest).right),
+        )
     cuts = gain_cuts(loop)
     roots = np.abs(np.concatenate([loop.poles, loop.zeros]))
     unit = max(float(np.max(roots, initial=0.0)), float(np.max(cuts.wc, initial=0.0))) or 1.0

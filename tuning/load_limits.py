@@ -1,16 +1,18 @@
 """What loads ask of a loop: the lowest peak, the crossover, the integrators and resonators."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 
+from loop.compensators import Compensator, compensator_response
 from loop.controller import PID
 from loop.factors import FactoredLoop
+from loop.frequency_curves import frequency_curves
 from loop.open_loop import step_response
 from loop.process import Process, TransferFunction, rational_response
-from loop.response import load_sensitivity
 from tuning.performance_limits import Bound, performance_limits
 
 POINTS = 2000
@@ -210,6 +212,7 @@ def disturbance_answer(
     size: float,
     *,
     frequency: float | None = None,
+    compensators: Sequence[Compensator] = (),
 ) -> DisturbanceAnswer:
     """Say what a stable loop leaves of a lasting load at the process input.
 
@@ -229,6 +232,8 @@ def disturbance_answer(
         Height [OP], slope [OP/s] or amplitude [OP].
     frequency : float, optional
         Frequency of a sinusoid. [rad/s]
+    compensators : sequence of Compensator
+        Compensators in series with the controller.
     """
     if not math.isfinite(size):
         raise ValueError(f"the size of the disturbance must be finite, got {size}")
@@ -236,7 +241,7 @@ def disturbance_answer(
     if course is Disturbance.SINUSOID:
         if frequency is None or not (frequency > 0 and math.isfinite(frequency)):
             raise ValueError(f"a sinusoid needs a positive frequency, got {frequency}")
-        left = abs(size) * _load_gain(process, controller, frequency)
+        left = abs(size) * _load_gain(process, controller, frequency, compensators)
         return DisturbanceAnswer(
             left=left,
             integrators=0,
@@ -247,10 +252,15 @@ def disturbance_answer(
         )
     needed = 1 if course is Disturbance.STEP else 2
     if course is Disturbance.STEP:
-        left = 0.0 if integrates else abs(size) * _static_load_gain(process, controller)
+        left = (
+            0.0 if integrates else abs(size) * _static_load_gain(process, controller, compensators)
+        )
         unit = "A load step"
     else:
-        left = abs(size) * controller.Ti / controller.Kc if size else 0.0
+        gain = controller.Kc * float(
+            compensator_response(compensators, np.zeros(1, dtype=complex))[0].real
+        )
+        left = abs(size) * controller.Ti / gain if size else 0.0
         unit = "A load ramp"
     has = int(integrates)
     if has >= needed:
@@ -268,13 +278,19 @@ def disturbance_answer(
     )
 
 
-def _load_gain(process: Process, controller: PID, w: float) -> float:
-    return float(np.abs(load_sensitivity(process, controller, np.array([w]))[0]))
+def _load_gain(
+    process: Process, controller: PID, w: float, compensators: Sequence[Compensator]
+) -> float:
+    at = np.array([w])
+    curves = frequency_curves(process, controller, compensators=compensators, w=at)
+    return float(np.abs(curves.GS[0]))
 
 
-def _static_load_gain(process: Process, controller: PID) -> float:
+def _static_load_gain(
+    process: Process, controller: PID, compensators: Sequence[Compensator]
+) -> float:
     """|G/(1 + G C)| far below every corner. [PV/OP]"""
     loop = FactoredLoop.of(process, controller)
     corners = np.abs(np.concatenate([loop.poles, loop.zeros]))
     low = float(np.min(corners[corners > 0], initial=1 / max(loop.theta, 1.0)))
-    return _load_gain(process, controller, 1e-8 * low)
+    return _load_gain(process, controller, 1e-8 * low, compensators)

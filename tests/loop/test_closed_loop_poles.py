@@ -84,6 +84,17 @@ def test_at_the_gain_margin_a_pole_pair_stands_on_the_axis() -> None:
     assert found.poles[1].imag == pytest.approx(-found.poles[0].imag)
 
 
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-6])
+def test_a_pole_that_the_integral_time_hides_is_a_pole_all_the_same(apart: float) -> None:
+    # Ti = tau: the lag stays in the response to a load, though L does not show it.
+    pid = PID(Kc=120 * (1 + apart) / (2 * 60), Ti=120 * (1 + apart))
+    found = closed_loop_poles(HEATER, pid)
+
+    assert np.min(np.abs(found.poles * 120 + 1)) < 3e-6
+    assert np.all(found.residual < 1e-8)
+    assert closed_loop_poles(FOPDT(K=2, tau=120, theta=0), pid).poles.size == 2
+
+
 def test_what_has_no_such_poles_is_refused() -> None:
     with pytest.raises(UnstableLoop, match="infinitely many"):
         closed_loop_poles(FOPDT(K=2, tau=1, theta=1), PID(Kc=1, Td=5, N=math.inf))
