@@ -76,8 +76,8 @@ def law_of_one(law: ScanLaw, limits: LawLimits) -> OneLaw:
         lagged = dF * lagged + f1 * v_old + f0 * v if dF else v
         r_old, m_old, w_old = r, m, w
         if by_hand is not None:
-            shift = by_hand - lagged
-            integral, lagged, v_old, u = integral + shift, by_hand, v + shift, by_hand
+            integral += by_hand - v
+            u = lagged = v_old = by_hand
             return u
         floor, ceiling = u - move, u + move
         u = lagged
@@ -152,7 +152,8 @@ class ManyLaws:
             self._limit(lagged, v, added, out)
         else:
             out[:] = by_hand
-            self._go_on_from(out, out - lagged, v)
+            self._integral = self._integral + (by_hand - v)
+            self._lagged = self._v = out
         self._u = out
 
     def _limit(self, lagged: Real, v: Real, added: Real, out: Real) -> None:

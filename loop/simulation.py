@@ -149,6 +149,28 @@ def simulate(
         pv_filter=pv_filter,
         manual=manual,
     )
+    return run(process, controller, experiment)
+
+
+def run(process: Process, controller: PID, experiment: Experiment) -> Response:
+    """Run a loop from rest through an experiment, by the law of `simulate`.
+
+    Parameters
+    ----------
+    process : Process
+        Process model.
+    controller : PID
+        Controller settings.
+    experiment : Experiment
+        What is done to the loop; noise by its standard deviation is drawn here.
+
+    Raises
+    ------
+    LoopDiverged
+        The loop grows without bound.
+    ValueError
+        A setting is impossible.
+    """
     plant = sampled([process], experiment.dt)
     law = scan_laws(
         [controller], experiment.dt, anti_windup=experiment.anti_windup, Tt=experiment.Tt

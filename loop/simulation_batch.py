@@ -122,6 +122,30 @@ def simulate_batch(
         pv_filter=pv_filter,
         manual=manual,
     )
+    return run_batch(processes, controllers, experiment)
+
+
+def run_batch(
+    processes: Sequence[Process] | ProcessBatch,
+    controllers: Sequence[PID] | PIDBatch,
+    experiment: Experiment,
+) -> BatchResponse:
+    """Run m loops from rest through the same experiment, by the law of `simulate`.
+
+    Parameters
+    ----------
+    processes : sequence of Process, or ProcessBatch
+        Process models; a single one serves every controller.
+    controllers : sequence of PID, or PIDBatch
+        Controller settings; a single one serves every process.
+    experiment : Experiment
+        What is done to the loops.
+
+    Raises
+    ------
+    ValueError
+        A setting is impossible, or processes and controllers do not make pairs.
+    """
     shape = _common_shape(processes, controllers)
     loops = math.prod(shape)
     if loops * experiment.t.size > MOST_SAMPLES:
@@ -133,18 +157,19 @@ def simulate_batch(
         _broadcast(processes, shape)
         if isinstance(processes, ProcessBatch)
         else _repeated(processes, shape),
-        dt,
+        experiment.dt,
     )
     law = scan_laws(
         _broadcast(controllers, shape)
         if isinstance(controllers, PIDBatch)
         else _repeated(controllers, shape),
-        dt,
-        anti_windup=anti_windup,
-        Tt=Tt,
+        experiment.dt,
+        anti_windup=experiment.anti_windup,
+        Tt=experiment.Tt,
     )
     course = Course.of(experiment, loops=loops)
     traces = scan_many(plant, law, course)
+    pv0, op0 = experiment.pv0, experiment.op0
     diverged = ~np.all(np.abs(traces.pv) < DIVERGED, axis=0)
     op = _from_rest(traces.op, diverged, op0)
     sticks = traces.position is not traces.op
