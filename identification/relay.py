@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from identification.relay_reading import RelayCycles, folded, read_cycles
+from identification.relay_reading import MEDIAN_DEVIATION, RelayCycles, folded, read_cycles
 from identification.relay_ultimate import ultimate_gain_and_period
 from loop.errors import NoLimitCycle
 from loop.record import Record
@@ -22,8 +22,6 @@ from loop.signals import Real
 # Ratios of dead time to time constant over which the error of the describing function is stated.
 RATIOS = np.geomspace(0.05, 10.0, 40)
 READING = 0.004
-# The median absolute deviation of normal noise is so many standard deviations.
-MEDIAN_DEVIATION = 0.6745
 # PV's mean must stand so many of its errors off the rest for a static gain to show.
 SHOWS = 5.0
 

@@ -13,42 +13,37 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import t as student
 
+from identification.candidates import Candidate, Choice
 from identification.held_input import HeldInput
 from identification.identify import Identification
 from identification.least_squares import LeastSquaresFit, fopdt_least_squares
-from identification.plausibility import answer_swing
-from identification.quality import fit_percent, residual_colour, worst_misfit
+from identification.quality import Colour, Misfit, fit_percent, residual_colour
 from identification.relay import RelayResult, read_relay
 from identification.relay_cycle import invert_biased
-from identification.relay_reading import RelayCycles, folded, read_cycles
+from identification.relay_reading import RelayCycles, read_cycles
 from identification.relay_ultimate import UltimateEstimate, fitted_ultimate
+from identification.relay_verdict import as_integrator, judge_cycles, judge_sign, wave_misfit
 from identification.spikes import find_spikes
+from identification.structures import FIRST_ORDER
 from identification.verdict import (
     Finding,
     Verdict,
-    graded,
     judge_dead_time,
     judge_errors,
     judge_misfit,
     worst,
 )
 from loop.errors import NoLimitCycle
-from loop.process import FOPDT
+from loop.process import FOPDT, IPDT
 from loop.record import Record
 from loop.signals import Flags, Real
 
 # A load between rest and test shows when rest and test disagree so much by chance only once in a
 # million tests; with five parameters that either can move.
 BY_CHANCE, FREE = 1e-6, 5
-# Parts of the mean cycle that are looked at for what the model misses.
-PARTS = 20
 MOST_MOVES = 2000
 # Six parameters and some freedom to see whether they fit.
 FEWEST_SAMPLES = 12
-# Cycles that differ by more than this are not all of one process and one load.
-UNLIKE = 0.05
-# With fewer settled cycles their spread says little.
-FEW_CYCLES = 3
 # A drift shows from three standard errors and this part of the swing on.
 SEEN, SMALLEST = 3.0, 0.02
 
@@ -244,29 +239,35 @@ def _judged(
     predicted = fit.predict(t)
     residual = pv - predicted
     colour = residual_colour(residual[wave.settled])
-    errors = fit.standard_errors[:3] * colour.inflation**0.5
-    width = float(student.ppf(0.975, fit.freedom)) * errors
-    estimates = np.array([fit.K, fit.tau, fit.theta])
-    intervals = np.stack((estimates - width, estimates + width), axis=1)
-    intervals[1:] = np.maximum(intervals[1:], 0.0)
-    sizes = fit.standard_errors[:3]
-    sizes = np.where(sizes > 0, sizes, 1.0)
+    misfit, part = wave_misfit(cycles, fit, relay)
+    lag = _candidate(fit, colour, misfit, part)
+    chosen = lag
+    errors = judge_errors(fit, _intervals(lag, fit.freedom))
+    if errors.verdict is Verdict.REFUSED:
+        integrator, in_its_stead = as_integrator(lag)
+        if in_its_stead is not None:
+            chosen, errors = integrator, in_its_stead
+    intervals = _intervals(chosen, fit.freedom)
     findings = [
-        *_judge_sign(fit, relay),
-        judge_errors(fit, intervals),
-        _judge_wave(cycles, fit, relay),
-        _judge_cycles(relay),
-        judge_dead_time(fit, intervals[2], record.sample_time),
+        *judge_sign(fit, relay),
+        errors,
+        judge_misfit(misfit, misfit.size / part if part else 1.0, -math.inf),
+        judge_cycles(relay),
+        judge_dead_time(fit, intervals[-1], record.sample_time),
     ]
-    fitted: FOPDT | None = None
-    try:
-        fitted = FOPDT(K=fit.K, tau=fit.tau, theta=fit.theta)
-    except ValueError as fact:
-        findings.insert(0, Finding(verdict=Verdict.REFUSED, reason=str(fact)))
+    fitted = chosen.process
+    if not isinstance(fitted, FOPDT | IPDT):
+        fitted = None
+        reason = (
+            f"the fit is no process: K {fit.K:.3g}, tau {fit.tau:.3g} s, theta {fit.theta:.3g} s"
+        )
+        findings.insert(0, Finding(verdict=Verdict.REFUSED, reason=reason))
     verdict = worst(findings)
     severity = [Verdict.REFUSED, Verdict.CARE, Verdict.TRUSTED]
     findings.sort(key=lambda finding: severity.index(finding.verdict))
+    sizes = np.where(chosen.standard_errors > 0, chosen.standard_errors, 1.0)
     return Identification(
+        kind="FOPDT" if fitted is None else type(fitted).__name__,
         process=None if verdict is Verdict.REFUSED else fitted,
         verdict=verdict,
         reasons=tuple(map(_sentence, (*(f.reason for f in findings), *notes))),
@@ -276,8 +277,9 @@ def _judged(
         span=record.span,
         longest_gap=float(np.max(np.diff(cycles.t), initial=0.0)),
         fitted=fitted,
-        standard_errors=errors,
-        correlation=fit.covariance[:3, :3] / np.outer(sizes, sizes),
+        choice=Choice(chosen=chosen, candidates=(chosen,), reason="the wave of a relay test"),
+        standard_errors=chosen.standard_errors,
+        correlation=chosen.covariance / np.outer(sizes, sizes),
         intervals=intervals,
         pv0=fit.pv0,
         drift=fit.drift,
@@ -293,45 +295,29 @@ def _judged(
     )
 
 
-def _judge_sign(fit: LeastSquaresFit, relay: RelayResult) -> list[Finding]:
-    """Compare the sign of the gain with the direction in which the relay acts."""
-    if math.copysign(1.0, fit.K) == relay.gain_sign:
-        return []
-    reason = (
-        f"OP goes up where PV is {'low' if relay.gain_sign > 0 else 'high'}, as a relay around a "
-        f"process of {'positive' if relay.gain_sign > 0 else 'negative'} gain does, but the wave "
-        f"fits a gain of {fit.K:.3g}: OP was not switched by a relay on this PV"
+def _candidate(fit: LeastSquaresFit, colour: Colour, misfit: Misfit, part: float) -> Candidate:
+    """The one lag that was fitted, with errors widened by the residual's colour."""
+    covariance = fit.covariance[:3, :3] * colour.inflation
+    return Candidate(
+        structure=FIRST_ORDER,
+        fit=fit,
+        values=np.array([fit.K, fit.tau, fit.theta]),
+        standard_errors=np.sqrt(np.maximum(np.diag(covariance), 0.0)),
+        covariance=covariance,
+        free=4 + fit.drift_fitted + fit.start_fitted,
+        bic=0.0,
+        misfit=misfit,
+        part=part,
+        colour=colour,
     )
-    return [Finding(verdict=Verdict.REFUSED, reason=reason)]
 
 
-def _judge_wave(cycles: RelayCycles, fit: LeastSquaresFit, relay: RelayResult) -> Finding:
-    """Look at what the model misses of the mean cycle."""
-    phase, inside = folded(cycles)
-    order = np.argsort(phase, kind="stable")
-    residual = cycles.pv[inside] - fit.predict(cycles.t[inside])
-    misfit = worst_misfit(
-        phase[order] * relay.Pu,
-        residual[order],
-        noise_sd=fit.noise_sd,
-        width=relay.Pu / PARTS,
-    )
-    swing = answer_swing(fit, cycles.t[inside])
-    return judge_misfit(misfit, max(swing, 1e-300), -math.inf)
-
-
-def _judge_cycles(relay: RelayResult) -> Finding:
-    """Say how much the settled cycles differ."""
-    spread = max(relay.period_spread, relay.amplitude_spread)
-    verdict = graded(spread, UNLIKE, math.inf)
-    text = (
-        f"{relay.cycles} settled cycles agree within {100 * relay.period_spread:.2g} % in period "
-        f"and {100 * relay.amplitude_spread:.2g} % in swing (standard deviation)"
-    )
-    if relay.cycles < FEW_CYCLES:
-        text += f"; from fewer than {FEW_CYCLES} nobody can tell whether they have settled"
-        verdict = Verdict.CARE
-    return Finding(verdict=verdict, reason=text)
+def _intervals(candidate: Candidate, freedom: int) -> Real:
+    """95 % confidence intervals; what is no gain stays positive."""
+    width = float(student.ppf(0.975, freedom)) * candidate.standard_errors
+    intervals = np.stack((candidate.values - width, candidate.values + width), axis=1)
+    intervals[1:] = np.maximum(intervals[1:], 0.0)
+    return intervals
 
 
 def _inversion_note(inverted: FOPDT | None) -> list[str]:

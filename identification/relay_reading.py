@@ -1,5 +1,6 @@
 """The cycles of a relay test: levels and switches of OP, and where the cycles have settled."""
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,6 +15,10 @@ from loop.signals import Flags, Real
 FEWEST_CYCLES = 2
 # A settled cycle's period and amplitude differ from the median of the settled ones by no more.
 SETTLED = 0.1
+# ... or by so many samples, or so many standard deviations of noise up to that part of the swing.
+SAMPLES, NOISES, NOISY = 1.5, 3.0, 0.25
+# The median absolute deviation of normal noise is so many standard deviations.
+MEDIAN_DEVIATION = 0.6745
 # Part of the samples from the first switch on that may lie between the two levels, as a slow
 # output does on its way.
 BETWEEN, NEAR = 0.1, 0.15
@@ -129,7 +134,7 @@ def read_cycles(record: Record) -> RelayCycles:
         switches=switches,
         rises=rises,
         first_switch=first,
-        settled=_settled(periods, heights),
+        settled=_settled(periods, heights, float(np.median(np.diff(t))), _noise(pv)),
         periods=periods,
         heights=heights,
     )
@@ -166,10 +171,16 @@ def _height(pv: Real) -> float:
     return float(high - low)
 
 
-def _settled(periods: Real, heights: Real) -> int:
-    """Number of the first settled cycle: from there on all are like the last ones."""
+def _settled(periods: Real, heights: Real, step: float, noise: float) -> int:
+    """Number of the first settled cycle: from there on all are like the last ones.
+
+    Sampling may cut a period by more than a sample at either end, and noise moves an extreme.
+    """
     usual = [float(np.median(x[-3:])) for x in (periods, heights)]
-    alike = (np.abs(periods / usual[0] - 1) < SETTLED) & (np.abs(heights / usual[1] - 1) < SETTLED)
+    alike = np.abs(periods - usual[0]) < max(SETTLED * usual[0], SAMPLES * step)
+    alike &= np.abs(heights - usual[1]) < max(
+        SETTLED * usual[1], min(NOISES * noise, NOISY * usual[1])
+    )
     unlike = np.flatnonzero(~alike)
     first = int(unlike[-1]) + 1 if unlike.size else 0
     if periods.size - first < FEWEST_CYCLES:
@@ -179,6 +190,12 @@ def _settled(periods: Real, heights: Real) -> int:
             f"within {SETTLED:.0%}."
         )
     return first
+
+
+def _noise(pv: Real) -> float:
+    """Standard deviation of the noise, from second differences. [PV]"""
+    rough = np.abs(pv[2:] - 2 * pv[1:-1] + pv[:-2])
+    return float(np.median(rough)) / MEDIAN_DEVIATION / math.sqrt(6)
 
 
 def _list(values: Real) -> str:

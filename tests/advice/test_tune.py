@@ -114,6 +114,15 @@ def test_a_relay_test_is_tuned_by_the_model_of_its_cycles() -> None:
     assert verify(loop.process, pid, case.profile).passes
 
 
+def test_a_relay_test_of_every_plant_loop_leads_to_settings_that_hold_on_the_true_process() -> None:
+    for loop in PLANT:
+        case = tune(relay_test(loop, cycles=10), relay_hysteresis=4 * loop.noise)
+        assert case.best is not None, (loop.tag, case.recommended_reason)
+        pid = case.best.proposal.pid
+        assert pid is not None
+        assert margins(loop.process, pid).Ms < 2, loop.tag
+
+
 def test_a_relay_test_without_a_model_gives_ultimate_rules_without_a_recommendation(
     square_wave: Record,
 ) -> None:

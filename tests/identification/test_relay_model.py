@@ -11,7 +11,7 @@ from identification.verdict import Verdict
 from loop.controller import Action
 from loop.errors import NoLimitCycle
 from loop.open_loop import process_output
-from loop.process import FOPDT, SOPDT, Process
+from loop.process import FOPDT, IPDT, SOPDT, Process
 from loop.record import Record
 from loop.relay_feedback import Relay, simulate_relay
 
@@ -185,7 +185,7 @@ def test_a_gain_beyond_all_processes_is_refused() -> None:
     found = relay_model(Record(t=record.t, pv=(record.pv - 50) * 1e10, op=record.op))
     assert found.model.verdict is Verdict.REFUSED
     assert found.model.process is None
-    assert "K must lie within" in found.model.reasons[0]
+    assert "the fit is no process" in found.model.reasons[0].lower()
 
 
 def test_two_cycles_are_few_and_unlike_cycles_are_named() -> None:
@@ -222,3 +222,28 @@ def test_units_change_only_what_they_measure(time: float, span: float, output: f
         [one.K * span / output, one.tau * time, one.theta * time],
         rtol=1e-5,
     )
+
+
+def test_an_integrating_process_is_found_as_one() -> None:
+    process = IPDT(K=-0.05, theta=4.0)
+    like = FOPDT(K=-50.0, tau=1000.0, theta=4.0)
+    found = relay_model(relay_record(process, like=like, bias=0.3, cycles=8, noise=0.03))
+    assert found.model.kind == "IPDT"
+    assert found.model.verdict is Verdict.CARE
+    assert found.ultimate is None
+    model = found.model.process
+    assert isinstance(model, IPDT)
+    assert pytest.approx(-0.05, rel=0.03) == model.K
+    assert model.theta == pytest.approx(4.0, rel=0.05)
+    assert "taken for an integrator" in found.model.reasons[0]
+    assert found.model.standard_errors is not None
+    assert abs(model.K + 0.05) < 4 * found.model.standard_errors[0]
+
+
+def test_cycles_that_tell_neither_the_gain_nor_its_slope_are_refused() -> None:
+    process = FOPDT(K=1.0, tau=1.0, theta=0.3)
+    record = relay_record(process, like=process, bias=0.0, cycles=3.6, rest=0.0)
+    noise = np.random.default_rng(1).normal(0, 0.5, len(record))
+    found = relay_model(Record(t=record.t, pv=record.pv + noise, op=record.op))
+    assert found.model.verdict is Verdict.REFUSED
+    assert found.model.process is None
