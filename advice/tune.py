@@ -9,7 +9,8 @@ The command line, the REST service and a notebook all call these functions:
 
 from dataclasses import dataclass, replace
 
-from identification.identify import Identification, identify
+from advice.identifying import identified
+from identification.identify import Identification
 from identification.relay import looks_like_relay
 from identification.relay_model import RelayModel, relay_model
 from loop.controller import PID, Action
@@ -89,7 +90,7 @@ def tune(
     Parameters
     ----------
     record : Record
-        A step test or a relay test.
+        A step test, a relay test, or routine data in automatic with moves of the set point.
     profile : str
         Name of the target profile in `tuning.profiles.PROFILES`.
     tau_c : float, optional
@@ -118,7 +119,7 @@ def tune(
             record, limits, hysteresis=relay_hysteresis, tau_c=tau_c, scan_time=scan_time,
             running=running,
         )  # fmt: skip
-    model = identify(record)
+    model = identified(record)
     if model.process is None:
         return TuningCase(
             profile=limits,

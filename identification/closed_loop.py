@@ -17,7 +17,16 @@ from identification.informative_segments import Excitation, SegmentSearch, find_
 from identification.innovation_tests import Crossing, output_crossing, set_point_crossing
 from identification.prediction_error import PredictionErrorFit, prediction_error_fit
 from identification.quality import Colour, fit_percent, residual_colour
-from identification.verdict import TOO_WIDE, WIDE, Finding, Verdict, graded, worst
+from identification.verdict import (
+    FAR_OFF,
+    TOO_FAR_OFF,
+    TOO_WIDE,
+    WIDE,
+    Finding,
+    Verdict,
+    graded,
+    worst,
+)
 from loop.errors import LoopError, PoorExcitation
 from loop.process import FOPDT
 from loop.record import Mode, Record
@@ -89,9 +98,10 @@ def identify_routine(record: Record) -> Identification:
         _judge_dead_time(fit, intervals[2], even.dt),
         _judge_sampling(fit, even.dt),
         _judge_bounds(fit),
+        *_judge_rivals(fit),
         _judge_answer(fit, search),
-        _judge_crossing(set_point_crossing(fit, even, search), "the set point's moves"),
-        _judge_crossing(output_crossing(fit), "the output's earlier moves"),
+        _judge_set_point(set_point_crossing(fit, even, search)),
+        _judge_output(output_crossing(fit)),
         _judge_colour(colour),
     ]
     verdict = worst(findings)
@@ -224,6 +234,19 @@ def _judge_bounds(fit: PredictionErrorFit) -> Finding:
     return Finding(verdict=graded(part, 0.5, 2.0), reason=text)
 
 
+def _judge_rivals(fit: PredictionErrorFit) -> list[Finding]:
+    """Name other processes that the record hardly tells from the best one."""
+    if not fit.rivals:
+        return []
+    rival = min(fit.rivals, key=lambda r: r.worse)
+    text = (
+        f"the record does not tell K {fit.K:.3g}, tau {fit.tau:.3g} s, theta {fit.theta:.3g} s "
+        f"from K {rival.K:.3g}, tau {rival.tau:.3g} s, theta {rival.theta:.3g} s; one more "
+        "set-point move, or an output step in manual, would"
+    )
+    return [Finding(verdict=Verdict.REFUSED, reason=text)]
+
+
 def _judge_answer(fit: PredictionErrorFit, search: SegmentSearch) -> Finding:
     """Compare what the model explains with what it leaves."""
     largest = max(
@@ -240,19 +263,29 @@ def _judge_answer(fit: PredictionErrorFit, search: SegmentSearch) -> Finding:
     return Finding(verdict=Verdict.CARE if ratio < WEAK else Verdict.TRUSTED, reason=text)
 
 
-def _judge_crossing(crossing: Crossing, what: str) -> Finding:
-    verdict = graded(abs(crossing.worst), SEEN, CERTAIN)
-    if verdict is Verdict.TRUSTED:
-        text = (
-            f"what nothing foretells does not follow {what} (at most {abs(crossing.worst):.2g} "
-            f"standard errors over {crossing.lags} lags)"
+def _judge_set_point(crossing: Crossing) -> Finding:
+    """Ask whether the model answers the set point's moves as PV did, beyond chance and in size."""
+    if abs(crossing.worst) <= SEEN:
+        return Finding(
+            verdict=Verdict.TRUSTED,
+            reason="what nothing foretells does not follow the set point's moves (at most "
+            f"{abs(crossing.worst):.2g} standard errors over {crossing.lags} lags)",
         )
-    else:
-        text = (
-            f"what nothing foretells follows {what} ({crossing.worst:+.2g} standard errors at "
-            f"{crossing.lag:.3g} s), so the model misses a part of the process"
-        )
-    return Finding(verdict=verdict, reason=text)
+    text = (
+        f"what nothing foretells follows the set point's moves ({crossing.worst:+.2g} standard "
+        f"errors at {crossing.lag:.3g} s), and the model is off by {crossing.part:.1%} of a move "
+        "after it; the process is not quite first order"
+    )
+    return Finding(verdict=graded(crossing.part, FAR_OFF, TOO_FAR_OFF), reason=text)
+
+
+def _judge_output(crossing: Crossing) -> Finding:
+    text = (
+        "what nothing foretells follows the output's earlier moves by "
+        f"{abs(crossing.worst):.2g} standard errors at most over {crossing.lags} lags"
+    )
+    seen = abs(crossing.worst) > CERTAIN
+    return Finding(verdict=Verdict.CARE if seen else Verdict.TRUSTED, reason=text)
 
 
 def _judge_colour(colour: Colour) -> Finding:

@@ -119,6 +119,10 @@ def find_segments(record: EvenRecord) -> SegmentSearch:
         (window for m in large[:MOST_MOVES] for window in _window(record, m, wander)),
         key=lambda w: w.first,
     )
+    if not windows:
+        raise PoorExcitation(
+            f"Gaps leave fewer than {LEAST_BEFORE} rows after every one of {len(large)} moves."
+        )
     return SegmentSearch(
         segments=_merged(windows), wander=wander, small=len(found) - len(large), hours=hours
     )

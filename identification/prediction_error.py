@@ -7,6 +7,7 @@ autoregression, fitted along with the model.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,10 +31,31 @@ DENSITY = 30.0
 MOST_STEPS = 25
 # Pole of the noise that the second search starts from: nearly a random walk.
 WANDERS = 0.97
+# Two valleys are two when they lie this far apart, in ln(tau) or in (tau + theta); the deeper one
+# is chance when it is lower by under so many variances (chi-squared of 3: 1 in 400 is 14).
+APART, NOT_TOLD = 0.5, 14.0
 # Relative step of the derivatives.
 SMALL = 1e-4
 # A step that lowers the sum of squares by less than this part of one sample's share ends the fit.
 DONE = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rival:
+    """Another process that explains the record almost as well.
+
+    Attributes
+    ----------
+    K, tau, theta : float
+        Process. [PV/OP], [s], [s]
+    worse : float
+        By how much its sum of squares is larger, in variances of the innovation. [-]
+    """
+
+    K: float
+    tau: float
+    theta: float
+    worse: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,6 +86,8 @@ class PredictionErrorFit:
         Model without its disturbance, of every stretch. [PV]
     innovations : tuple of ndarray
         e of every stretch, from its p-th sample on. [PV]
+    rivals : tuple of Rival
+        Quite different processes that explain the record almost as well.
     """
 
     K: float
@@ -79,6 +103,7 @@ class PredictionErrorFit:
     stretches: tuple[Stretch, ...]
     predicted: tuple[Real, ...]
     innovations: tuple[Real, ...]
+    rivals: tuple[Rival, ...]
 
     @property
     def standard_errors(self) -> Real:
@@ -109,24 +134,24 @@ def prediction_error_fit(
     total = sum(s.pv.size for s in stretches)
     by = max(round(total / FEW), 1)
     rough = _Problem(stretches, dt, by, slowest, latest)
-    best = min(
-        (
-            rough.refine(
-                search(rough.stretches, rough.dt, slowest=slowest, latest=rough.latest, noise=noise)
-            )
-            for noise in (np.zeros(0), np.array([WANDERS]))
-        ),
-        key=lambda point: point.sse,
-    )
+    starts = [
+        search(rough.stretches, rough.dt, slowest=slowest, latest=rough.latest, noise=noise)
+        for noise in (np.zeros(0), np.array([WANDERS]))
+    ]
+    points = [rough.refine(start) for start, *_ in starts]
+    lower = 0 if points[0].sse <= points[1].sse else 1
+    points += [rough.refine(start) for start in starts[lower][1:]]
+    best = min(points, key=lambda point: point.sse)
+    rivals = tuple(rough.rivals(best, points))
     theta = best.theta + rough.shift
     dense = min((best.tau + theta) / DENSITY, max(theta, best.tau / DENSITY))
     finer = max(min(round(dense / dt), by), 1)
     if finer == by:
-        return rough.result(best)
+        return rough.result(best, rivals)
     fine = _Problem(stretches, dt, finer, slowest, latest)
     start = max(theta - fine.shift, 0.0)
     noise = fine.noise_at(best.tau, start)
-    return fine.result(fine.refine(Start(tau=best.tau, theta=start, noise=noise)))
+    return fine.result(fine.refine(Start(tau=best.tau, theta=start, noise=noise)), rivals)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -246,7 +271,24 @@ class _Problem:
             blocks.append(np.column_stack((block, (slow - x) / SMALL, (late - x) / later)))
         return blocks
 
-    def result(self, point: _Point) -> PredictionErrorFit:
+    def rivals(self, best: _Point, points: list[_Point]) -> Iterator[Rival]:
+        """Other valleys whose floor the data hardly tell from that of the best."""
+        variance = best.sse / best.count
+        for point in points:
+            apart = max(
+                abs(math.log(point.tau / best.tau)),
+                abs(point.theta - best.theta) / (best.tau + best.theta),
+            )
+            worse = point.sse - best.sse
+            if apart > APART and worse < NOT_TOLD * variance:
+                yield Rival(
+                    K=float(point.linear[0]),
+                    tau=point.tau,
+                    theta=point.theta + self.shift,
+                    worse=worse / variance,
+                )
+
+    def result(self, point: _Point, rivals: tuple[Rival, ...]) -> PredictionErrorFit:
         """State the fit in the samples' own time, with its errors."""
         freedom = max(point.count - point.scale.size, 1)
         variance = point.sse / freedom
@@ -275,6 +317,7 @@ class _Problem:
                 for s, block in zip(self.stretches, blocks, strict=True)
             ),
             innovations=tuple(np.split(point.innovation, ends)),
+            rivals=rivals,
         )
 
 

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter
 from scipy.signal import lfilter
 
 from identification.even_stretches import Stretch
@@ -17,6 +18,8 @@ from loop.signals import Real
 TAU_RATIO, THETA_RATIO = 1.6, 1.15
 # Rounds of whitening; the third seldom moves the peak.
 ROUNDS = 3
+# Peaks of the grid that are followed.
+MOST_PEAKS = 4
 # Autoregressions of up to this order are tried.
 MOST_ORDER = 12
 # Time constants after which nothing is left, as in `held_input`.
@@ -104,9 +107,17 @@ def autoregression(residuals: list[Real]) -> Real:
     return np.asarray(np.linalg.lstsq(R[:order, :order], R[:order, -1], rcond=None)[0])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Start:
-    """Where the grid ends: time constant and dead time [s]."""
+    """Where to start a fit from.
+
+    Attributes
+    ----------
+    tau, theta : float
+        Time constant and dead time. [s]
+    noise : ndarray, shape (p,)
+        Autoregression of the disturbance. [-]
+    """
 
     tau: float
     theta: float
@@ -115,8 +126,8 @@ class Start:
 
 def search(
     stretches: tuple[Stretch, ...], dt: float, *, slowest: float, latest: float, noise: Real
-) -> Start:
-    """Search the grid, whitening round by round.
+) -> list[Start]:
+    """Search the grid, whitening round by round; the best start first, then its rivals.
 
     Parameters
     ----------
@@ -130,11 +141,11 @@ def search(
         Autoregression to begin with; empty for none. [-]
     """
     grid = _Grid.of(stretches, dt, slowest, latest)
-    tau, theta = 0.0, 0.0
+    peaks: list[tuple[float, float]] = []
     for _ in range(ROUNDS):
-        tau, theta = grid.best(noise)
-        noise = autoregression(grid.residuals(tau, theta, noise))
-    return Start(tau=tau, theta=theta, noise=noise)
+        peaks = grid.peaks(noise)
+        noise = autoregression(grid.residuals(*peaks[0], noise))
+    return [Start(tau=tau, theta=theta, noise=noise) for tau, theta in peaks]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -161,11 +172,14 @@ class _Grid:
             ]
         return cls(stretches=stretches, dt=dt, delays=delays, answers=answers)
 
-    def best(self, noise: Real) -> tuple[float, float]:
-        """Time constant and dead time that explain most of the whitened PV."""
-        scores = {tau: self._scores(tau, noise) for tau in self.answers}
-        tau = max(scores, key=lambda tau: float(scores[tau].max()))
-        return tau, self.delays[int(np.argmax(scores[tau]))] * self.dt
+    def peaks(self, noise: Real) -> list[tuple[float, float]]:
+        """Where the whitened PV is explained best, and the next best peaks. [s]"""
+        taus = list(self.answers)
+        score = np.array([self._scores(tau, noise) for tau in taus])
+        found = np.flatnonzero(score == maximum_filter(score, 3))
+        order = found[np.argsort(-score.flat[found])][:MOST_PEAKS].tolist()
+        places = [divmod(i, len(self.delays)) for i in order]
+        return [(taus[i], self.delays[j] * self.dt) for i, j in places]
 
     def _scores(self, tau: float, noise: Real) -> Real:
         inner, size, left = 0.0, np.zeros(len(self.delays)), 0.0

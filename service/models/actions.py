@@ -7,8 +7,8 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from advice.body import Body, data_body, model_body, stated_model_body
+from advice.identifying import identified
 from historian.sample_store import SampleStore
-from identification.identify import identify
 from loop.errors import NoSamples
 from loop.record import Record
 from service import audit
@@ -48,7 +48,7 @@ def work_out_model(
         found.record(tag=loop.tag, pv_unit=loop.pv_unit, op_unit=loop.op_unit),
         op_before=wanted.op_before,
     )
-    return {**model_body(identify(record)), "data": data_body(record)}
+    return {**model_body(identified(record)), "data": data_body(record)}
 
 
 def keep_model(

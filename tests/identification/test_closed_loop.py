@@ -95,7 +95,7 @@ def test_a_wandering_load_which_the_output_answers_does_not_turn_the_model() -> 
     for seed in range(4):
         found = identify_routine(routine(seed, load=0.1))
         assert isinstance(found.fitted, FOPDT)
-        assert found.fitted.K == pytest.approx(1.0, rel=0.2)
+        assert pytest.approx(1.0, rel=0.2) == found.fitted.K
         assert found.fitted.tau == pytest.approx(50.0, rel=0.2)
         assert found.fitted.theta == pytest.approx(15.0, rel=0.1)
 

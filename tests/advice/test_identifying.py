@@ -1,0 +1,66 @@
+"""The way a record goes to its model: open-loop test or routine data."""
+
+import numpy as np
+import pytest
+
+from advice.body import case_body
+from advice.identifying import identified
+from advice.tune import tune
+from identification.verdict import Verdict
+from loop.controller import PID
+from loop.plants import PLANT, routine_operation, step_test
+from loop.process import FOPDT
+from loop.record import Mode, Record
+from loop.simulation import simulate
+
+PROCESS = FOPDT(K=2.0, tau=60.0, theta=10.0)
+
+
+def routine(*, mode: bool = True) -> Record:
+    """An hour in automatic with two set-point moves."""
+    t = np.arange(3600.0)
+    sp = 50.0 + 5.0 * (t > 900) - 5.0 * (t > 2400)
+    run = simulate(
+        PROCESS, PID(Kc=1.0, Ti=60.0), t_end=3599.5, dt=1.0, sp=sp, noise=0.1,
+        rng=np.random.default_rng(4), pv0=50.0, op0=40.0,
+    )  # fmt: skip
+    return Record(
+        t=run.t, sp=run.sp, pv=run.pv, op=run.op,
+        mode=np.full(t.size, Mode.AUTO, dtype=np.int8) if mode else None,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("mode", [True, False])
+def test_routine_data_are_tuned_like_a_step_test(mode: bool) -> None:
+    case = tune(routine(mode=mode))
+    assert case.best is not None
+    assert case.model is not None
+    assert case.model.verdict is Verdict.TRUSTED
+    assert isinstance(case.process, FOPDT)
+    assert case.process.theta == pytest.approx(10.0, abs=0.5)
+    body = case_body(case)
+    assert isinstance(body["model"], dict)
+    assert body["model"]["kind"] == "FOPDT"
+    assert body["recommended"] is not None
+
+
+def test_a_step_in_manual_stays_an_open_loop_test() -> None:
+    assert len(identified(step_test(PLANT[3])).steps) == 4
+
+
+def test_a_day_without_a_set_point_move_is_refused_for_want_of_one() -> None:
+    record = routine_operation(PLANT[3], duration=3600.0)
+    still = Record(
+        t=record.t, sp=np.full(len(record), 160.0), pv=record.pv, op=record.op, mode=record.mode
+    )
+    assert "the set point stood still" in identified(still).reasons[0]
+
+
+def test_a_set_point_that_only_follows_pv_is_no_move() -> None:
+    record = step_test(PLANT[3])
+    following = Record(t=record.t, sp=record.pv, pv=record.pv, op=record.op)
+    assert len(identified(following).steps) == 4
+    alone = Record(t=record.t, pv=record.pv, op=record.op)
+    assert len(identified(alone).steps) == 4
+    single = Record(t=[0.0], sp=[1.0], pv=[1.0], op=[1.0])
+    assert identified(single).verdict is Verdict.REFUSED
