@@ -160,7 +160,7 @@ def choose(
     first_order = explanation.fit
     rows = [_Row.of_first_order(explanation, samples)]
     misfit = _misfit(rows[0].residual, samples, first_order, spacing)
-    part = misfit.size / max(answer_swing(first_order, samples.t), 1e-300)
+    part = misfit.size / max(_swing(first_order, samples.t), 1e-300)
     holds = _holds(steps, float(samples.t[-1]))
     seen = 1 - math.exp(-max(max(holds) - first_order.theta, 0.0) / first_order.tau)
     wanted = [TWO_LAGS]
@@ -174,6 +174,11 @@ def choose(
     ]
     candidates = _candidates(rows, samples, first_order, spacing)
     return _chosen(candidates, seen=seen, longest=max(holds))
+
+
+def _swing(fit: LeastSquaresFit | StructureFit, t: Real) -> float:
+    """Size of a model's answer to OP. [PV]"""
+    return fit.swing(t) if isinstance(fit, StructureFit) else answer_swing(fit, t)
 
 
 def _holds(steps: tuple[Step, ...], end: float) -> list[float]:
@@ -246,9 +251,9 @@ def _candidates(
         return independent * math.log(sse / readings) + row.free * math.log(independent)
 
     reference = criterion(rows[0])
-    swing = max(answer_swing(fit, samples.t), 1e-300)
     found = []
     for row in rows:
+        swing = _swing(row.fit, samples.t)
         misfit = _misfit(row.residual, samples, fit, spacing)
         covariance = row.covariance * row.colour.inflation
         found.append(
@@ -261,7 +266,7 @@ def _candidates(
                 free=row.free,
                 bic=criterion(row) - reference,
                 misfit=misfit,
-                part=misfit.size / swing,
+                part=misfit.size / max(swing, 1e-300),
                 colour=row.colour,
             )
         )

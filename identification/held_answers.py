@@ -102,6 +102,8 @@ def double_integral_answer(held: HeldInput, t: Real, theta: float) -> Real:
 def _since_arrival(held: HeldInput, t: Real, theta: float) -> tuple[Indices, Real]:
     """Moves that have arrived at each sample, and the time since the last did."""
     shifted = t - theta
+    if not held.moves:
+        return np.zeros(t.size, dtype=np.intp), np.zeros(t.size)
     behind = np.searchsorted(held.instants, shifted, side="right")
     return behind, np.where(behind > 0, shifted - held.instants[np.maximum(behind - 1, 0)], 0.0)
 

@@ -7,7 +7,7 @@ from scipy.stats import t as student
 
 from identification.candidates import Candidate, Choice, choose
 from identification.condense import Samples, condense
-from identification.disturbances import Explanation, explain
+from identification.disturbances import NEARLY_WHITE, Explanation, explain
 from identification.experiment import Experiment, read_experiment
 from identification.gains import StepGains, require_one_sign, step_gains
 from identification.least_squares import fopdt_least_squares
@@ -282,15 +282,18 @@ def _findings(
 ) -> list[Finding]:
     """Everything that speaks for or against the model; facts that forbid it are raised."""
     fit, colour, steps = explanation.fit, explanation.colour, experiment.steps
-    require_cause_first(fit, colour, samples, experiment.hole_before(steps[0]))
-    require_answer(fit, colour, samples, steps)
-    require_unsaturated(fit, samples, steps)
     choice, intervals = described.choice, described.intervals
     assert choice is not None  # noqa: S101 - whatever is described was chosen
     assert intervals is not None  # noqa: S101 - and has errors
-    if described.gains is not None:
+    require_cause_first(fit, colour, samples, experiment.hole_before(steps[0]))
+    one_lag = choice.chosen.structure is FIRST_ORDER
+    if not choice.chosen.structure.integrates:  # one lag fits an integrator of an integral badly
+        require_answer(fit, colour, samples, steps)
+    require_unsaturated(fit, samples, steps)
+    # One gain for all steps that leaves nothing but noise settles the question of their signs.
+    if described.gains is not None and (one_lag or choice.chosen.colour.inflation > NEARLY_WHITE):
         require_one_sign(described.gains, steps)
-    if choice.chosen.structure is not FIRST_ORDER:
+    if not one_lag:
         return judge_structure(choice, fit, experiment, intervals)
     swing = answer_swing(fit, samples.t)
     misfit = worst_misfit(

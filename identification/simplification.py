@@ -10,7 +10,6 @@ from typing import TypeAlias
 
 from identification.candidates import MATERIAL, Candidate
 from identification.structures import (
-    FIRST_ORDER,
     INTEGRATOR_WITH_LAG,
     LEAD,
     UNDERDAMPED,
@@ -66,19 +65,12 @@ def simplified(chosen: Candidate, first: Candidate) -> tuple[SimpleProcess | Non
                 f"PV by {100 * first.part:.2g} % of the answer, more than {100 * STANDS_IN:g} %"
             )
         return stand_in, f"tuning takes one lag in the stead of {chosen.structure.name}"
-    process = chosen.process
-    if process is None or not isinstance(process, FOPDT | SOPDT | IPDT | DoubleIntegrator):
-        return None, _impossible(chosen)
-    return process, ""
-
-
-def _impossible(chosen: Candidate) -> str:
-    """What forbids the process, in its own words."""
     try:
-        chosen.structure.process(*chosen.values.tolist())
+        process = chosen.structure.process(*chosen.values.tolist())
     except ValueError as fact:
-        return str(fact)
-    return f"no tuning rule takes {chosen.structure.name}"
+        return None, str(fact)
+    assert isinstance(process, FOPDT | SOPDT | IPDT | DoubleIntegrator)  # noqa: S101 - all others are above
+    return process, ""
 
 
 def first_order_equivalent(chosen: Candidate) -> tuple[float, float]:
@@ -87,13 +79,11 @@ def first_order_equivalent(chosen: Candidate) -> tuple[float, float]:
     Parameters
     ----------
     chosen : Candidate
-        A structure that settles.
+        A structure that settles, of second order.
     """
     values = dict(zip(chosen.structure.names, chosen.values.tolist(), strict=True))
     theta = values["theta"]
     if chosen.structure is UNDERDAMPED:  # the swing dies out with its envelope
         return values["T"] / values["zeta"], theta
-    if chosen.structure is FIRST_ORDER:
-        return values["tau"], theta
     half = values["tau2"] / 2
     return values["tau1"] + half, theta + half + max(-values.get("lead", 0.0), 0.0)

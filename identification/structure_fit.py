@@ -28,7 +28,6 @@ from identification.structures import (
     Structure,
     design,
 )
-from loop.process import Process
 from loop.signals import Real
 
 # Values for each move that the search works on, and in all; and for a structure that nothing calls
@@ -99,21 +98,16 @@ class StructureFit:
         """Standard deviation of a reading about the model. [PV]"""
         return float((self.sse / self.freedom) ** 0.5)
 
-    @property
-    def standard_errors(self) -> Real:
-        """Of the parameters, as white noise would leave them."""
-        return np.sqrt(np.diag(self.covariance))
+    def swing(self, t: Real) -> float:
+        """Highest less lowest of the answer to OP alone, at the record's times. [PV]
 
-    @property
-    def process(self) -> Process:
-        """Model.
-
-        Raises
-        ------
-        ValueError
-            A parameter is outside what a process may have.
+        Parameters
+        ----------
+        t : ndarray, shape (n,)
+            Times, increasing. [s]
         """
-        return self.structure.process(*self.values)
+        answers = self.structure.answer(self.held, t, self.shape)
+        return float(np.ptp(np.stack(answers, axis=1) @ self.linear[: len(answers)]))
 
     def predict(self, t: Real) -> Real:
         """Model's PV; times begin at the record's first sample. [PV]

@@ -10,6 +10,7 @@ import numpy as np
 from identification.candidates import MATERIAL, Candidate, Choice
 from identification.experiment import Experiment
 from identification.least_squares import LeastSquaresFit
+from identification.plausibility import FOUND
 from identification.simplification import first_order_equivalent
 from identification.timing import judge_timing
 from identification.verdict import (
@@ -55,6 +56,7 @@ def judge_structure(
     theta = float(chosen.values[-1])
     findings = [
         Finding(verdict=Verdict.TRUSTED, reason=choice.reason),
+        *_answer(chosen),
         _misfit(chosen, steps[0].start),
         _errors(chosen, intervals),
         judge_dead_time(replace(fit, theta=theta), intervals[-1], experiment.spacing),
@@ -66,6 +68,20 @@ def judge_structure(
     like = replace(fit, tau=tau, theta=late)
     findings.append(_length(like, hold))
     return findings + judge_timing(like, experiment)
+
+
+def _answer(chosen: Candidate) -> list[Finding]:
+    """Refuse a gain that chance could have made."""
+    gain, error = float(chosen.values[0]), float(chosen.standard_errors[0])
+    if abs(gain) >= FOUND * error:
+        return []
+    return [
+        Finding(
+            verdict=Verdict.REFUSED,
+            reason=f"nothing in PV follows OP for certain: the gain of {gain:.3g} stands "
+            f"{abs(gain) / error:.1f} standard errors from none, and {FOUND:g} are needed",
+        )
+    ]
 
 
 def _misfit(chosen: Candidate, first_move: float) -> Finding:
