@@ -112,18 +112,22 @@ def _column(signal: Real, k: int) -> Real:
 
 
 def _loop(rng: np.random.Generator, *, tight: bool) -> tuple[FOPDT | IPDT, PID]:
-    """A process with dead time and a PI by SIMC, from tight to slow."""
-    theta = rng.uniform(1, 10)
-    tau_c = theta * (rng.uniform(0.25, 0.45) if tight else rng.uniform(1.0, 4.0))
+    """A process with dead time and a PI by SIMC, from tight to slow.
+
+    A hold adds half a sample of dead time, which the rule is told of.
+    """
+    theta = float(np.exp(rng.uniform(np.log(0.4), np.log(10))))
+    slow = float(np.exp(rng.uniform(0.0, np.log(6.0))))
+    tau_c = theta * (rng.uniform(0.25, 0.45) if tight else slow)
     if rng.random() < 0.3:
         process = IPDT(K=float(np.exp(rng.uniform(np.log(0.003), np.log(0.05)))), theta=theta)
         tau_c = max(tau_c, 1.5 * theta) if not tight else tau_c
-        Kc = 1 / (process.K * (tau_c + theta))
-        return process, PID(Kc=Kc, Ti=rng.uniform(0.7, 1.5) * 4 * (tau_c + theta))
+        Kc = 1 / (process.K * (tau_c + theta + 0.5))
+        return process, PID(Kc=Kc, Ti=rng.uniform(0.7, 1.5) * 4 * (tau_c + theta + 0.5))
     tau = theta * float(np.exp(rng.uniform(np.log(0.3), np.log(10))))
     first = FOPDT(K=rng.uniform(0.5, 2.0), tau=tau, theta=theta)
-    Ti = rng.uniform(0.7, 1.5) * min(tau, 4 * (tau_c + theta))
-    Kc = Ti / (first.K * (tau_c + theta))
+    Ti = rng.uniform(0.7, 1.5) * min(tau, 4 * (tau_c + theta + 0.5))
+    Kc = Ti / (first.K * (tau_c + theta + 0.5))
     return first, PID(Kc=Kc, Ti=Ti)
 
 

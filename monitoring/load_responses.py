@@ -15,7 +15,7 @@ FEWEST_SAMPLES = 12
 FEWEST_RESPONSES = 3
 MOST_RESPONSES = 30
 SLUGGISH = 0.4
-SWINGING = 0.7
+SWINGING = 0.35
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,9 +31,10 @@ class LoadResponses:
         sign of the process gain [1]_: near 1 for a sluggish loop. [-]
     area_index : float or None
         Ia = max(A1..A_{n-2})/(A1 + ... + A_{n-1}) of OP about its final value [2]_, median over
-        the responses with three crossings: near 1 for a loop that swings. [-]
+        the responses with three areas: near 1 where one area outweighs all others, small where OP
+        swings to and fro. [-]
     sluggish, swinging : bool
-        Ii beyond 0.4; Ia beyond 0.7.
+        Ii beyond 0.4; Ia below 0.35.
     basis : Basis
         What this rests on.
 
@@ -68,7 +69,7 @@ def load_responses(stretch: Stretch, *, gain_sign: int | None = None) -> LoadRes
         ("clear, times the noise", CLEAR),
         ("fewest responses", float(FEWEST_RESPONSES)),
         ("sluggish beyond", SLUGGISH),
-        ("swinging beyond", SWINGING),
+        ("swinging below", SWINGING),
     )
     events = _events(stretch)
     if len(events) < FEWEST_RESPONSES:
@@ -93,7 +94,7 @@ def load_responses(stretch: Stretch, *, gain_sign: int | None = None) -> LoadRes
         idle_index=idle,
         area_index=area,
         sluggish=idle is not None and idle > SLUGGISH,
-        swinging=area is not None and area > SWINGING,
+        swinging=area is not None and area < SWINGING,
         basis=graded(stretch.share, doubts, settings=settings),
     )
 

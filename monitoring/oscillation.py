@@ -3,7 +3,7 @@
 A line is looked for in the spectrum of the whole record and of shorter and shorter segments. What
 stands out is filtered to its own band and must pass there as an oscillation: regular crossings of
 its autocorrelation, an autocorrelation that lasts, a fair part of the error's variance, and enough
-cycles in a row. It is then taken off and the next one is looked for.
+cycles in a row. Its band and its harmonics are then left out and the next one is looked for.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from enum import StrEnum
 import numpy as np
 
 from loop.autoregression import autocovariance
-from loop.signals import Real
+from loop.signals import Flags, Real
 from monitoring.basis import Basis, Setting, graded, refusal
 from monitoring.spectrum import Spectra, band_pass, segment_spectra
 
@@ -25,7 +25,7 @@ BAND = 2**0.4
 SEGMENT_RATIO = 4
 SHORTEST_SEGMENT = 96
 MOST_OSCILLATIONS = 3
-PERSISTENT_SHARE = 0.7
+PERSISTENT_SHARE = 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,14 +164,12 @@ def oscillation(
             verdict=OscillationVerdict.NONE, components=(),
             basis=graded(share, (why,), settings=_settings()),
         )  # fmt: skip
-    rest = error
     found: list[OscillationComponent] = []
     while len(found) < MOST_OSCILLATIONS:
-        component = _strongest(rest, dt, segments=segments)
+        component = _strongest(error, dt, found, segments=segments)
         if component is None:
             break
         found.append(component)
-        rest = rest - band_pass(rest, component.period / dt, width=BAND)
     doubts = []
     if compressed:
         doubts.append("PV was compressed: weak oscillations are lost and shapes are straightened")
@@ -211,25 +209,34 @@ def _settings() -> tuple[Setting, ...]:
     )
 
 
-def _strongest(error: Real, dt: float, *, segments: bool) -> OscillationComponent | None:
+def _strongest(
+    error: Real, dt: float, found: list[OscillationComponent], *, segments: bool
+) -> OscillationComponent | None:
     """Candidates of the whole record first, then of shorter and shorter segments."""
     length, limits = error.size, WHOLE
     while length >= SHORTEST_SEGMENT or length == error.size:
         spectra = segment_spectra(
             error, length, fewest_cycles=FEWEST_CYCLES, shortest=SHORTEST_PERIOD
         )
-        found = _confirmed(error, spectra, dt, limits)
-        if found is not None or not segments:
-            return found
+        component = _confirmed(error, spectra, dt, limits, found)
+        if component is not None or not segments:
+            return component
         length, limits = length // SEGMENT_RATIO, SEGMENT
     return None
 
 
 def _confirmed(
-    error: Real, spectra: Spectra, dt: float, limits: Limits
+    error: Real,
+    spectra: Spectra,
+    dt: float,
+    limits: Limits,
+    found: list[OscillationComponent],
 ) -> OscillationComponent | None:
     """Try the highest line and, in the whole record, two more."""
     scores = spectra.scores.copy()
+    scores[:, _belonging(spectra, dt, found)] = 0.0
+    # A weaker oscillation is to be a fair part of what the stronger ones leave.
+    rest = max(1 - sum(component.share for component in found), 0.0)
     for _ in range(3 if scores.shape[0] == 1 else 1):
         row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
         score = float(scores[row, column])
@@ -238,14 +245,26 @@ def _confirmed(
         period = spectra.length / (spectra.first + int(column))
         first = spectra.starts[int(row)]
         # The share told by the spectrum is cheap; a candidate far below its limit is not filtered.
-        if spectra.share(int(row), period, BAND) >= 0.7 * limits.share:
-            found = _component(
-                error, period, (first, first + spectra.length), dt=dt, score=score, limits=limits
-            )
-            if found is not None:
-                return found
+        if spectra.share(int(row), period, BAND) >= 0.7 * limits.share * rest:
+            component = _component(
+                error, period, (first, first + spectra.length), dt=dt, score=score, limits=limits,
+                rest=rest,
+            )  # fmt: skip
+            if component is not None:
+                return component
         scores[row, max(int(column) - 2, 0) : int(column) + 3] = 0.0
     return None
+
+
+def _belonging(spectra: Spectra, dt: float, found: list[OscillationComponent]) -> Flags:
+    """Columns in the band of an oscillation that was found, or at its harmonics."""
+    cycles = spectra.first + np.arange(spectra.scores.shape[1])
+    belongs = np.zeros(cycles.size, dtype=np.bool_)
+    for component in found:
+        order = cycles * component.period / dt / spectra.length
+        belongs |= np.abs(np.log(order)) <= 2 * np.log(BAND)
+        belongs |= (order > 1) & (np.abs(order - np.round(order)) < 0.03 * order + 1.5 / cycles)
+    return belongs
 
 
 def _component(
@@ -256,13 +275,14 @@ def _component(
     dt: float,
     score: float,
     limits: Limits,
+    rest: float,
 ) -> OscillationComponent | None:
     """Filter to the band and hold the oscillation to its limits; period in samples."""
     wave = band_pass(error, period, width=BAND)
     part = slice(*region)
     variance = float(np.var(error[part]))
     share = float(np.var(wave[part])) / variance if variance > 0 else 0.0
-    if share < limits.share:
+    if share < limits.share * rest:
         return None
     mean_period, regularity, lasting = acf_regularity(wave[part], period)
     if regularity < limits.regularity or lasting < limits.lasting:
@@ -319,10 +339,11 @@ def acf_regularity(wave: Real, period: float) -> tuple[float, float, float]:
 
 
 def _activity(wave: Real, period: float, region: tuple[int, int]) -> tuple[int, int, float, float]:
-    """First and one past the last active sample of the longest run, active part, amplitude.
+    """First and one past the last sample of the longest active run, active part, amplitude.
 
     A window of one period is active where its mean square reaches a quarter of the region's 90 %
-    quantile; breaks of up to two periods do not end a run.
+    quantile; breaks of up to two periods do not end a run. The active part counts all of the
+    record: noise may break the run of a wave that never stops.
     """
     window = max(round(period), 2)
     sums = np.cumsum(np.r_[0.0, wave * wave])
@@ -333,7 +354,10 @@ def _activity(wave: Real, period: float, region: tuple[int, int]) -> tuple[int, 
     breaks = np.flatnonzero(np.diff(places) > 2 * window)
     starts = places[np.r_[0, breaks + 1]]
     ends = places[np.r_[breaks, places.size - 1]]
+    part = places.size / power.size
     best = int(np.argmax(ends - starts))
     first, last = int(starts[best]), int(ends[best]) + window
+    if part >= PERSISTENT_SHARE:
+        first, last = int(starts[0]), int(ends[-1]) + window
     amplitude = float(np.sqrt(2 * np.mean(wave[first:last] ** 2)))
-    return first, last, (last - first) / wave.size, amplitude
+    return first, last, part, amplitude

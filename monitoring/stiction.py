@@ -1,64 +1,15 @@
 """Does the valve stick? All methods together, as one calibrated probability."""
 
-import json
-from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
-
 import numpy as np
 
-from loop.signals import Real
 from monitoring.basis import Basis, Confidence, Setting, refusal
 from monitoring.loop_signals import Stretch
 from monitoring.op_pv_figure import apparent_stiction
 from monitoring.oscillation import Oscillation
-from monitoring.stiction_features import NAMES, StictionFeatures, stiction_features
+from monitoring.stiction_features import StictionFeatures, stiction_features
+from monitoring.stiction_model import StictionModel, stiction_model
 from monitoring.stiction_result import Stiction, StictionEvidence, StictionVerdict
 from monitoring.wave_shapes import area_ratio, hagglund_index, he_index, rossi_scali_index
-
-WEIGHTS = Path(__file__).parent / "stiction_weights.json"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StictionModel:
-    """Logistic model on the features and their squares, fitted on simulated loops.
-
-    Attributes
-    ----------
-    mean, spread : ndarray, shape (k,)
-        Mean and standard deviation of the features there.
-    weights : ndarray, shape (1 + 2 k,)
-        Constant, weights of the scaled features and of their squares.
-    stiction_from, none_below : float
-        Probabilities from which the answer is stiction, and below which it is none.
-    """
-
-    mean: Real
-    spread: Real
-    weights: Real
-    stiction_from: float
-    none_below: float
-
-    def probability(self, vector: Real) -> float:
-        """Probability of stiction for one vector of features."""
-        z = np.clip((vector - self.mean) / self.spread, -4.0, 4.0)
-        score = float(self.weights @ np.r_[1.0, z, z * z])
-        return float(1 / (1 + np.exp(-np.clip(score, -30, 30))))
-
-
-@cache
-def stiction_model() -> StictionModel:
-    """Read the weights that `benchmarks/stiction_weights.py` fitted."""
-    body = json.loads(WEIGHTS.read_text("utf-8"))
-    if tuple(body["names"]) != NAMES:
-        raise ValueError("the weights belong to other features: fit them again")
-    return StictionModel(
-        mean=np.array(body["mean"]),
-        spread=np.array(body["spread"]),
-        weights=np.array(body["weights"]),
-        stiction_from=float(body["stiction_from"]),
-        none_below=float(body["none_below"]),
-    )
 
 
 def stiction(
@@ -92,7 +43,7 @@ def stiction(
     if found is None:
         return _nothing_to_judge(stretch)
     model = stiction_model()
-    probability = model.probability(found.vector)
+    probability = float(model.probability(found.vector[None])[0])
     verdict = StictionVerdict.UNDECIDED
     if probability >= model.stiction_from:
         verdict = StictionVerdict.STICTION
