@@ -12,7 +12,7 @@ from monitoring.spectrum import band_pass, segment_spectra
 
 
 def wave(n: int, period: float, *, amplitude: float = 1.0, phase: float = 0.3) -> Real:
-    return np.asarray(amplitude * np.sin(2 * np.pi * np.arange(n) / period + phase)
+    return np.asarray(amplitude * np.sin(2 * np.pi * np.arange(n) / period + phase))
 
 
 def noise(n: int, seed: int = 0, keep: float = 0.0) -> Real:
