@@ -5,6 +5,9 @@ STAMP  := $(VENV)/.installed
 LOCK   := requirements/dev.txt
 COMPILE := $(PY) -m uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
+# Small matrices: threads of BLAS only get in the way of the two test processes.
+export OMP_NUM_THREADS = 1
+export OPENBLAS_NUM_THREADS = 1
 .DELETE_ON_ERROR:
 .PHONY: install serve demo test check bench lock clean
 
@@ -37,6 +40,7 @@ check: install
 lock: install
 	$(COMPILE) pyproject.toml -o requirements/runtime.txt
 	$(COMPILE) pyproject.toml --group dev -o requirements/dev.txt
+	$(COMPILE) pyproject.toml --extra cluster -c requirements/dev.txt -o requirements/cluster.txt
 	$(COMPILE) pyproject.toml --group dev --group bench -c requirements/dev.txt -o requirements/bench.txt
 
 bench:

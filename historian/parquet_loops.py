@@ -141,9 +141,9 @@ def _modes(
         return np.full(table.num_rows, unknown, np.int8)
     cells = table.column(column)
     if table.schema.names == FILE_SCHEMA.names:  # the sample store's own files
-        return cells.fill_null(unknown).to_numpy().astype(np.int8)
+        return np.asarray(cells.fill_null(unknown).to_numpy(), dtype=np.int8)
     words = cells.to_pylist()
-    known: dict[object, Mode] = {**Mode.__members__, **meanings}
+    known: dict[object, Mode] = dict(Mode.__members__) | dict(meanings.items())
     foreign = {word for word in set(words) if word is not None and _word(word) not in known}
     if any(not isinstance(word, str) for word in foreign):
         raise ExportRefused(

@@ -94,6 +94,8 @@ class LoopRow(Table):
     sample_time: Mapped[float | None]
     profile: Mapped[str]
     largest_load: Mapped[float | None]
+    kind: Mapped[str] = mapped_column(default="other")
+    weight: Mapped[float] = mapped_column(default=1.0)
     archived: Mapped[bool] = mapped_column(default=False)
     version: Mapped[int] = mapped_column()
     created_at: Mapped[datetime] = mapped_column(default=now)
@@ -257,7 +259,7 @@ class AssessmentRow(Table):
     method: Mapped[str]
     grade: Mapped[float | None]
     cause: Mapped[str]
-    confidence: Mapped[float | None]
+    confidence: Mapped[str]
     body: Mapped[dict[str, object]]
     created_at: Mapped[datetime] = mapped_column(default=now)
     author: Mapped[str]

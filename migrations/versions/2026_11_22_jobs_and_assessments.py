@@ -13,6 +13,9 @@ depends_on: str | Sequence[str] | None = None
 
 def upgrade() -> None:
     """Apply the change."""
+    # Loops that are there already are of no stated kind, and none counts more than another.
+    op.add_column("loop", sa.Column("kind", sa.String(), nullable=False, server_default="other"))
+    op.add_column("loop", sa.Column("weight", sa.Double(), nullable=False, server_default="1"))
     op.create_table(
         "job",
         sa.Column("id", sa.Uuid(), nullable=False),
@@ -50,7 +53,7 @@ def upgrade() -> None:
         sa.Column("method", sa.String(), nullable=False),
         sa.Column("grade", sa.Double(), nullable=True),
         sa.Column("cause", sa.String(), nullable=False),
-        sa.Column("confidence", sa.Double(), nullable=True),
+        sa.Column("confidence", sa.String(), nullable=False),
         sa.Column("body", sa.JSON(), nullable=False),
         sa.Column("created_at", sa.DateTime(timezone=True), nullable=False),
         sa.Column("author", sa.String(), nullable=False),
@@ -86,3 +89,5 @@ def downgrade() -> None:
     op.drop_table("assessment")
     op.drop_index("ix_job_state_created_at", table_name="job")
     op.drop_table("job")
+    op.drop_column("loop", "weight")
+    op.drop_column("loop", "kind")

@@ -29,6 +29,11 @@ COMMANDS = (
         "Identify the process behind a step test, with its errors and a verdict.",
     ),
     Entry(
+        "assess",
+        "service.cli.assess:assess",
+        "Say what is wrong with each loop of an export, a folder or the installation, and why.",
+    ),
+    Entry(
         "demo",
         "service.cli.demo:demo",
         "Start the service with a small simulated plant to look at.",

@@ -10,6 +10,7 @@ import uvicorn
 from service.app import create_app
 from service.errors import ServiceError
 from service.settings import Settings
+from service.work import working
 
 # An answer that takes longer than this when the service is told to stop is cut off.
 LONGEST_GOODBYE = 10  # s
@@ -78,7 +79,7 @@ def answer(settings: Settings, taken: socket.socket) -> None:
     # The server passes the signal on once it has stopped; that is no failure.
     before = signal.signal(signal.SIGTERM, lambda *_: None)
     try:
-        with contextlib.suppress(KeyboardInterrupt):
+        with contextlib.suppress(KeyboardInterrupt), working(settings):
             server.run(sockets=[taken])
     except SystemExit as end:
         raise ServiceError("The service did not start; the log says why.") from end

@@ -38,15 +38,15 @@ def jobs_newest_first(session: Session, *, after: JobRow | None, limit: int) -> 
     )
 
 
-def claim_job(session: Session, owner: str) -> JobRow | None:
-    """Take the oldest job that nobody does, also one whose worker shows no more life.
+def claim_job(session: Session, owner: str, job_id: UUID | None = None) -> JobRow | None:
+    """Take the oldest job that nobody does, or a certain one; also from a worker without life.
 
     Two workers never get the same one: SQLite's transactions that write queue up, and PostgreSQL
     skips the rows that another transaction holds.
     """
     row = session.scalars(
         select(JobRow)
-        .where(_free())
+        .where(_free() if job_id is None else and_(_free(), JobRow.id == job_id))
         .order_by(JobRow.created_at, JobRow.id)
         .limit(1)
         .with_for_update(skip_locked=True)

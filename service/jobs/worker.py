@@ -4,7 +4,7 @@ import os
 import socket
 import threading
 from collections.abc import Callable, Mapping
-from uuid import uuid4
+from uuid import UUID, uuid4
 
 import structlog
 from sqlalchemy.exc import SQLAlchemyError
@@ -60,11 +60,11 @@ class Worker:
                 log.warning("job database", reason=type(error).__name__)
             self.stopping.wait(IDLE)
 
-    def work_once(self) -> bool:
-        """Do the oldest job that nobody does; false when there is none."""
+    def work_once(self, job_id: UUID | None = None) -> bool:
+        """Do the oldest job that nobody does, or a certain one; false when there is none."""
         owner = f"{socket.gethostname()}:{os.getpid()}:{uuid4().hex[:8]}"
         with self._held.transaction() as session:
-            row = store.claim_job(session, owner)
+            row = store.claim_job(session, owner, job_id)
             if row is None:
                 return False
             task = Task(

@@ -1,7 +1,7 @@
 """Bodies of loop requests and answers."""
 
 from datetime import datetime
-from typing import Literal, Self, TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias
 from uuid import UUID
 
 from pydantic import Field, model_validator
@@ -13,7 +13,11 @@ Action: TypeAlias = Literal["reverse", "direct"]
 Form: TypeAlias = Literal["isa", "parallel", "series"]
 TimeUnit: TypeAlias = Literal["s", "min"]
 GainBasis: TypeAlias = Literal["eu", "percent"]
+KindName: TypeAlias = Literal[
+    "flow", "pressure", "level", "averaging_level", "temperature", "analyser", "other"
+]
 ProfileName: TypeAlias = Literal["process", "general", "servo", "aerospace", "disk_drive", "hvac"]
+Weight: TypeAlias = Annotated[float, Field(gt=0, le=1e6)]
 
 
 class NewLoop(Strict):
@@ -40,6 +44,8 @@ class NewLoop(Strict):
     largest_load: Positive | None = Field(
         None, description="Largest expected load, at the process input. [OP]"
     )
+    kind: KindName = Field("other", description="What it controls: decides how it is assessed.")
+    weight: Weight = Field(1.0, description="How much it matters among the plant's loops. [-]")
 
     @model_validator(mode="after")
     def _ranges_must_span(self) -> Self:
@@ -70,6 +76,8 @@ class LoopChanges(Strict):
     sample_time: Seconds | None = Field(None, description="null: not known. [s]")
     profile: ProfileName | None = None
     largest_load: Positive | None = Field(None, description="null: not known. [OP]")
+    kind: KindName | None = None
+    weight: Weight | None = None
     archived: bool | None = Field(None, description="Archived loops leave the list, not the plant.")
 
     @model_validator(mode="after")
@@ -101,6 +109,8 @@ class LoopBody(Answer):
     sample_time: float | None
     profile: ProfileName
     largest_load: float | None
+    kind: KindName
+    weight: float
     archived: bool
     version: int = Field(description="Counts changes; the ETag is this number in quotes.")
     created_at: datetime

@@ -1,0 +1,240 @@
+"""Many loops assessed beside each other, in processes of this machine or of a cluster.
+
+Loops come one after the other and are handed on in chunks, a few at a time, so that a plant of any
+size takes the memory of a few chunks. What a worker that dies was doing is done again.
+"""
+
+import multiprocessing
+import os
+from collections import deque
+from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from dataclasses import dataclass
+from itertools import islice
+from typing import TypeAlias
+
+from advice.assess import assess, not_assessed
+from advice.assessment_body import assessment_body
+from advice.body import Body
+from loop.record import Record
+from monitoring.score_profile import DEFAULT_SCORE_PROFILE
+
+Crew: TypeAlias = Callable[[], Executor]
+"""Makes an executor; called again when its workers died."""
+
+LOOPS_A_CHUNK = 8
+CHUNKS_IN_FLIGHT = 6  # enough that no worker of a small machine waits for the reader
+MOST_DEATHS = 3  # of workers over one chunk, after which its loops are told apart from bad luck
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FleetLoop:
+    """One loop of a fleet and what is known of it.
+
+    Attributes
+    ----------
+    name : str
+        What its result is called by.
+    record : Record
+        Routine data.
+    kind : str
+        What it controls, see `monitoring.loop_signals.LoopKind`.
+    pv_range, op_range : tuple of float
+        Lowest and highest PV and OP; the PV range is None where it is not known. [PV], [OP]
+    gain_sign : {1, -1} or None
+        Sign of the process gain.
+    """
+
+    name: str
+    record: Record
+    kind: str = "other"
+    pv_range: tuple[float, float] | None = None
+    op_range: tuple[float, float] = (0.0, 100.0)
+    gain_sign: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoopResult:
+    """What the assessment of one loop came to.
+
+    Attributes
+    ----------
+    name, tag : str
+        Name in the fleet, and tag of the loop.
+    points : float or None
+        Grade, 0 to 100; None where it is not assessable. [-]
+    word, cause, confidence, action : str
+        Grade and diagnosis in words.
+    because : str
+        The first piece of evidence.
+    body : Body
+        The whole assessment as a document.
+    """
+
+    name: str
+    tag: str
+    points: float | None
+    word: str
+    cause: str
+    confidence: str
+    action: str
+    because: str
+    body: Body
+
+
+class WorkersKeepDying(RuntimeError):
+    """Workers died over the same loops again and again."""
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        super().__init__(
+            f"Workers died {MOST_DEATHS} times while assessing {', '.join(names)}; "
+            "is the memory enough?"
+        )
+        self.names = names
+
+
+def assess_loop(loop: FleetLoop, profile: str = DEFAULT_SCORE_PROFILE) -> LoopResult:
+    """Assess one loop of a fleet; what cannot be assessed is answered with the reason."""
+    try:
+        assessment = assess(
+            loop.record,
+            kind=loop.kind,
+            pv_range=loop.pv_range,
+            op_range=loop.op_range,
+            gain_sign=loop.gain_sign,
+            profile=profile,
+        )
+    except (ValueError, ArithmeticError) as reason:
+        assessment = not_assessed(loop.record, str(reason), kind=loop.kind, profile=profile)
+    diagnosis = assessment.diagnosis
+    return LoopResult(
+        name=loop.name,
+        tag=loop.record.tag,
+        points=assessment.grade.points,
+        word=assessment.grade.word.value,
+        cause=diagnosis.cause.value,
+        confidence=diagnosis.confidence.value,
+        action=diagnosis.action.value,
+        because=diagnosis.evidence[0] if diagnosis.evidence else "",
+        body=assessment_body(assessment),
+    )
+
+
+def assess_fleet(
+    loops: Iterable[FleetLoop], *, crew: Crew | None = None, profile: str = DEFAULT_SCORE_PROFILE
+) -> Generator[LoopResult]:
+    """Assess loops as they come and give what came of each, in their order.
+
+    Parameters
+    ----------
+    loops : iterable of FleetLoop
+        Taken a few chunks ahead of what has been given.
+    crew : callable, optional
+        Makes the executor to work with; by default everything happens in this process.
+    profile : str
+        Score profile.
+
+    Raises
+    ------
+    WorkersKeepDying
+        The same loops cost one worker after the other.
+    """
+    if crew is None:
+        yield from (assess_loop(loop, profile) for loop in loops)
+        return
+    source = iter(loops)
+    waiting: deque[_Chunk] = deque()
+    executor = crew()
+    try:
+        while True:
+            while len(waiting) < CHUNKS_IN_FLIGHT:
+                taken = tuple(islice(source, LOOPS_A_CHUNK))
+                if not taken:
+                    break
+                waiting.append(_Chunk(loops=taken, profile=profile))
+            if not waiting:
+                return
+            try:
+                for chunk in waiting:
+                    chunk.begin(executor)
+                found = waiting[0].result()
+            except BrokenExecutor:
+                # Nobody can tell which chunk it was, so the oldest is held to it.
+                executor.shutdown(wait=False, cancel_futures=True)
+                waiting[0].died()
+                for chunk in waiting:
+                    chunk.future = None
+                executor = crew()
+                continue
+            waiting.popleft()
+            yield from found
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Chunk:
+    loops: tuple[FleetLoop, ...]
+    profile: str
+    future: Future[list[LoopResult]] | None = None
+    deaths: int = 0
+
+    def begin(self, executor: Executor) -> None:
+        if self.future is None:
+            self.future = executor.submit(_assess_all, self.loops, self.profile)
+
+    def result(self) -> list[LoopResult]:
+        assert self.future is not None  # noqa: S101 - it has begun
+        return self.future.result()
+
+    def died(self) -> None:
+        self.deaths += 1
+        if self.deaths >= MOST_DEATHS:
+            raise WorkersKeepDying(tuple(loop.name for loop in self.loops))
+
+
+def _assess_all(loops: tuple[FleetLoop, ...], profile: str) -> list[LoopResult]:
+    return [assess_loop(loop, profile) for loop in loops]
+
+
+def local_crew(processes: int) -> Crew:
+    """Work in processes of this machine.
+
+    Parameters
+    ----------
+    processes : int
+        How many.
+    """
+    # Started anew rather than forked: a service has threads, and a fork of one can hang.
+    context = multiprocessing.get_context("spawn")
+    # One thread a process: the processes are what runs beside each other.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    return lambda: ProcessPoolExecutor(processes, mp_context=context)
+
+
+def cluster_crew(address: str) -> Crew:
+    """Work in the workers of a Dask scheduler.
+
+    Parameters
+    ----------
+    address : str
+        Address of the scheduler, such as tcp://10.0.0.7:8786. Its workers need this package.
+
+    Raises
+    ------
+    ValueError
+        The extra `cluster` is not installed, or nobody answers at the address.
+    """
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise ValueError(
+            "a cluster needs the extra `cluster`: pip install loopwright[cluster]"
+        ) from error
+    try:
+        client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
+    except OSError as error:
+        raise ValueError(f"no Dask scheduler answers at {address}") from error
+    crew: Crew = client.get_executor
+    return crew

@@ -1,0 +1,1 @@
+"""Assessments: what a loop's routine data say, computed on demand or for the plant as a job."""

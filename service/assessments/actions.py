@@ -1,0 +1,159 @@
+"""What users do with assessments."""
+
+from uuid import UUID, uuid4
+
+from sqlalchemy.orm import Session
+
+from advice.fleet import FleetLoop, LoopResult, assess_loop
+from advice.rollup import PlantScorecard, Scored, plant_scorecard
+from historian.sample_store import SampleStore
+from historian.samples import Samples
+from loop.errors import NoSamples
+from service import audit
+from service.actors import Actor
+from service.assessments import store
+from service.assessments.schemas import AssessLoop, AssessLoops, Overrule
+from service.errors import NotFound
+from service.jobs.actions import add_job
+from service.loops.store import loop_with_id
+from service.tables import AssessmentRow, JobRow, LoopRow, OverruleRow
+
+# Counts up when the same data would get another answer.
+METHOD = "1"
+
+
+def request_assessments(session: Session, *, actor: Actor, wanted: AssessLoops) -> JobRow:
+    """Ask for the assessment of many loops; a worker does it.
+
+    Raises
+    ------
+    NotFound
+        One of the loops is not there.
+    """
+    store.loops_to_assess(session, wanted.loop_ids)
+    return add_job(
+        session,
+        actor=actor,
+        kind="assess",
+        key=f"assess:{uuid4()}",
+        request=wanted.model_dump(),
+    )
+
+
+def assess_one(
+    reading: Session, samples: SampleStore, *, loop_id: UUID, wanted: AssessLoop
+) -> LoopResult:
+    """Assess one loop over a period; nothing is stored yet.
+
+    Raises
+    ------
+    NotFound, NoSamples
+        There is no such loop, or nothing of it in the period.
+    """
+    loop = loop_with_id(reading, loop_id)
+    found = samples.read(loop_id, wanted.start, wanted.end)
+    if not len(found):
+        raise NoSamples(loop.tag)
+    return assess_loop(fleet_loop(loop, found))
+
+
+def fleet_loop(loop: LoopRow, samples: Samples) -> FleetLoop:
+    """Put a loop's samples together with what the plant says of it."""
+    return FleetLoop(
+        name=str(loop.id),
+        record=samples.record(tag=loop.tag, pv_unit=loop.pv_unit, op_unit=loop.op_unit),
+        kind=loop.kind,
+        pv_range=(loop.pv_low, loop.pv_high),
+        op_range=(loop.op_low, loop.op_high),
+        gain_sign=1 if loop.action == "reverse" else -1,
+    )
+
+
+def assessment_row(
+    found: LoopResult, *, loop_id: UUID, job_id: UUID | None, period: AssessLoop, author: str
+) -> AssessmentRow:
+    """Lay an assessment out as a row."""
+    return AssessmentRow(
+        loop_id=loop_id,
+        job_id=job_id,
+        start=period.start,
+        end=period.end,
+        method=METHOD,
+        grade=found.points,
+        cause=found.cause,
+        confidence=found.confidence,
+        body=found.body,
+        author=author,
+    )
+
+
+def keep_assessment(
+    session: Session, *, actor: Actor, loop_id: UUID, period: AssessLoop, found: LoopResult
+) -> store.Found:
+    """Store the assessment of one loop."""
+    row = assessment_row(found, loop_id=loop_id, job_id=None, period=period, author=actor.owner)
+    session.add(row)
+    session.flush()
+    audit.record(
+        session,
+        actor=actor,
+        action="assessment.added",
+        subject=f"assessments/{row.id}",
+        loop_id=loop_id,
+        after={
+            "start": row.start,
+            "end": row.end,
+            "method": row.method,
+            "grade": row.grade,
+            "cause": row.cause,
+        },
+    )
+    return store.Found(row=row, overrules=())
+
+
+def overrule(session: Session, *, actor: Actor, assessment_id: UUID, said: Overrule) -> store.Found:
+    """Put a person's diagnosis in place of the computed one; both stay to be read."""
+    found = store.assessment_with_id(session, assessment_id)
+    row = OverruleRow(
+        assessment_id=assessment_id, cause=said.cause, reason=said.reason, author=actor.owner
+    )
+    session.add(row)
+    session.flush()
+    audit.record(
+        session,
+        actor=actor,
+        action="assessment.overruled",
+        subject=f"assessments/{assessment_id}",
+        loop_id=found.row.loop_id,
+        before={"cause": found.cause},
+        after={"cause": said.cause, "reason": said.reason},
+    )
+    return store.Found(row=found.row, overrules=(row, *found.overrules))
+
+
+def scorecard(session: Session, job_id: UUID | None) -> tuple[UUID, PlantScorecard]:
+    """Roll up what a job found, by default the job of the latest period.
+
+    Raises
+    ------
+    NotFound
+        There is no such job, or it has found nothing yet.
+    """
+    job_id = job_id or store.newest_assessment_job(session)
+    rows = [] if job_id is None else store.assessments_of_job(session, job_id)
+    if job_id is None or not rows:
+        raise NotFound("scorecard of job", job_id)
+    found = store.with_overrules(session, [row for row, _ in rows])
+    loops = {row.id: loop for row, loop in rows}
+    return job_id, plant_scorecard(
+        Scored(
+            name=str(one.row.id),
+            tag=loops[one.row.id].tag,
+            area=loops[one.row.id].area,
+            unit=loops[one.row.id].unit,
+            weight=loops[one.row.id].weight,
+            points=one.row.grade,
+            cause=one.cause,
+        )
+        for one in found
+    )
