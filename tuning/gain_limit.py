@@ -54,7 +54,9 @@ def largest_gains(plants: PlantSet, shapes: Shapes, limits: LoopLimits) -> Real:
     delta = least_angle(low, high)
     least, most = np.log(plants.gain_low)[:, None], np.log(plants.gain_high)[:, None]
     # Bounds are kept as logarithms of the controller gain.
-    intervals = [(a - most - log_r, b - least - log_r) for a, b in _circles(np.cos(delta), limits)]
+    intervals: list[tuple[Real, Real]] = [
+        (a - most - log_r, b - least - log_r) for a, b in _circles(np.cos(delta), limits)
+    ]
     start, ultimate = _ultimate(log_r + most, low)
     intervals += _crossings(log_r, low, delta, limits, least, most)
     intervals += _unit_circle(log_r, delta, plants, limits, least, most)

@@ -28,19 +28,22 @@ class Judge:
     Attributes
     ----------
     plants : tuple of Process
-        Plants, the model first; the effort is limited on the model.
+        Plants.
     limits : LoopLimits
         What to keep.
     sample_time : float
         Scan time. [s]
     allowed : float
         Part of the plants that may miss the limits. [-]
+    model : Process, optional
+        Where the effort is limited; the first plant if not given.
     """
 
     plants: tuple[Process, ...]
     limits: LoopLimits
     sample_time: float
     allowed: float = 0.0
+    model: Process | None = None
 
     def with_plant(self, plant: Process) -> "Judge":
         """One more plant."""
@@ -49,7 +52,25 @@ class Judge:
     def keeps(self, pid: PID, gains: Real) -> Flags:
         """Whether the limits hold with each gain, shape (n,)."""
         missed = np.mean(~self.holds(pid, gains), axis=1)
-        return np.asarray((missed <= self.allowed) & self._keeps_effort(pid, gains))
+        return np.asarray((missed <= self.allowed + 1e-12) & self._keeps_effort(pid, gains))
+
+    def severity(self, pid: PID) -> Real:
+        """How far each plant misses its limits, as a ratio above 1 where it does, shape (p,)."""
+        found = batch_margins(stacked(self.plants), PIDBatch.of(pid), sample_time=self.sample_time)
+        limits = self.limits
+        with np.errstate(divide="ignore", invalid="ignore"):
+            over = np.stack(
+                [
+                    found.Ms / limits.Ms,
+                    found.Mt / limits.Mt,
+                    limits.gain / found.gain,
+                    limits.phase / found.phase,
+                    limits.delay_over_theta
+                    * np.array([plant.theta for plant in self.plants])
+                    / found.delay,
+                ]
+            )
+        return np.asarray(np.where(found.stable, np.nan_to_num(over).max(axis=0), np.inf))
 
     def holds(self, pid: PID, gains: Real) -> Flags:
         """Whether margins hold for each gain and plant, shape (n, p)."""
@@ -89,7 +110,7 @@ class Judge:
         limit = self.limits.effort
         if limit == np.inf:
             return np.ones(gains.size, dtype=bool)
-        model = self.plants[0]
+        model = self.model or self.plants[0]
         w = frequency_grid(model, replace(pid, Kc=float(gains[0])), 300)
         peaks = [
             np.abs(control_sensitivity(model, replace(pid, Kc=float(Kc)), w)).max() for Kc in gains

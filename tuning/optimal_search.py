@@ -28,7 +28,7 @@ Areas: TypeAlias = Callable[[Shapes, Real, int], Real]
 TI, TD = (0.15, 120.0), (0.02, 0.9)
 FIRST = {"PI": (28, 1), "PID": (13, 7)}
 THEN = {"PI": (9, 1), "PID": (5, 5)}
-ZOOMS, SHRINK = {"PI": 4, "PID": 7}, {"PI": 2 / 9, "PID": 0.55}
+ZOOMS, SHRINK = {"PI": 4, "PID": 6}, {"PI": 2 / 9, "PID": 0.5}
 # Parts of the largest gain: where the limits are wide, less gain can have less area.
 PARTS = (1.0, 0.93, 0.82, 0.65)
 LOOK, LAST_LOOK, MEASURE = 384, 2048, 4096
@@ -260,7 +260,8 @@ class Search:
         if self.structure == "PID":
             Td_grid = np.linspace(high[0], high[1], k)
         steps = [float(np.ptp(low)) / (n - 1), float(np.ptp(high)) / max(k - 1, 1)]
-        parts, least, x = np.ones(1), np.inf, (0.0, 0.0, 1.0, 1.0)
+        parts: Real = np.ones(1)
+        least, x = np.inf, (0.0, 0.0, 1.0, 1.0)
         for zoom in range(ZOOMS[self.structure] + 1):
             a, b = (grid.ravel() for grid in np.meshgrid(Ti_grid, Td_grid, indexing="ij"))
             shapes = Shapes(Ti=np.exp(a), Td=np.exp(a + b), N=self.N)

@@ -317,21 +317,36 @@ class UncertainLoop:
         theta : float
             Dead time, half the scan time included. [s]
         """
-        dead = max(theta - self.hold, 0.0)
-        f = np.exp(factors[1:])
-        match process:
-            case FOPDT():
-                return FOPDT(K=process.K * gain, tau=process.tau * float(f[0]), theta=dead)
-            case SOPDT():
-                taus = sorted((process.tau1 * float(f[0]), process.tau2 * float(f[1])))
-                return SOPDT(K=process.K * gain, tau1=taus[1], tau2=taus[0], theta=dead)
-            case IPDT() | DoubleIntegrator():
-                return replace(process, K=process.K * gain, theta=dead)
-        return TransferFunction(
-            _scaled(process.numerator, float(f[0]), gain),
-            _scaled(process.denominator, float(f[0]), 1.0),
-            dead,
-        )
+        return moved_plant(process, gain, np.exp(factors[1:]), max(theta - self.hold, 0.0))
+
+
+def moved_plant(process: Process, gain: float, lags: Real, theta: float) -> Process:
+    """The process with its gain and its time constants multiplied, and another dead time.
+
+    Parameters
+    ----------
+    process : Process
+        The model.
+    gain : float
+        Factor on K. [-]
+    lags : ndarray, shape (g,)
+        Factor on each time constant; of a TransferFunction one for all. [-]
+    theta : float
+        Dead time. [s]
+    """
+    match process:
+        case FOPDT():
+            return FOPDT(K=process.K * gain, tau=process.tau * float(lags[0]), theta=theta)
+        case SOPDT():
+            taus = sorted((process.tau1 * float(lags[0]), process.tau2 * float(lags[1])))
+            return SOPDT(K=process.K * gain, tau1=taus[1], tau2=taus[0], theta=theta)
+        case IPDT() | DoubleIntegrator():
+            return replace(process, K=process.K * gain, theta=theta)
+    return TransferFunction(
+        _scaled(process.numerator, float(lags[0]), gain),
+        _scaled(process.denominator, float(lags[0]), 1.0),
+        theta,
+    )
 
 
 def _scaled(coefficients: tuple[float, ...], f: float, gain: float) -> tuple[float, ...]:

@@ -13,8 +13,9 @@ from loop.errors import RuleNotApplicable
 from loop.margins import margins
 from loop.process import FOPDT, IPDT, SOPDT, Process, TransferFunction
 from loop.response import control_sensitivity
+from loop.signals import Real
 from loop.simulation_batch import simulate_batch
-from tuning.error_area import Shapes, error_areas, error_integral
+from tuning.error_area import Entry, Shapes, error_areas, error_integral
 from tuning.gain_limit import largest_gains
 from tuning.loop_limits import LoopLimits
 from tuning.optimal import optimal
@@ -123,12 +124,11 @@ def test_no_neighbour_that_keeps_the_limits_is_better(
         N=10.0,
     )
     most = largest_gains(PlantSet.of([process], speed), shapes, limits)
-    if objective == "IE":
-        values = shapes.Ti / most
-    else:
-        entry = "input" if objective == "load" else "output"
+    values: Real = shapes.Ti / most
+    if objective != "IE":
+        entry: Entry = "input" if objective == "load" else "output"
         horizon = np.full(9, 12 * float(shapes.Ti.max()) + 60 / speed)
-        values = error_areas(process, shapes, most, horizon, entry=entry, points=4096)  # type: ignore[arg-type]
+        values = error_areas(process, shapes, most, horizon, entry=entry, points=4096)
     assert values.min() >= found.value * (1 - 2.5e-3)
 
 
@@ -226,9 +226,9 @@ def test_limits_that_nothing_keeps_are_refused() -> None:
 def test_impossible_requests_are_refused_in_words() -> None:
     limits = LoopLimits(Ms=1.6)
     with pytest.raises(ValueError, match="structure must be PI or PID"):
-        optimal(HEATER, limits, structure="PD")  # type: ignore[arg-type]
+        optimal(HEATER, limits, structure="PD")
     with pytest.raises(ValueError, match="objective must be one of load"):
-        optimal(HEATER, limits, objective="ISE")  # type: ignore[arg-type]
+        optimal(HEATER, limits, objective="ISE")
     with pytest.raises(ValueError, match="N must lie within 1"):
         optimal(HEATER, limits, N=0.5)
     with pytest.raises(ValueError, match="sample_time must lie within"):
