@@ -5,11 +5,10 @@ from itertools import product
 
 import numpy as np
 
-from advice.tune import TunedProcess
-from loop.batch import ProcessBatch
+from loop.batch import LagProcess, ProcessBatch
 from loop.controller import PID
 from loop.experiment import Experiment
-from loop.process import SOPDT
+from loop.process import SOPDT, Process, TransferFunction
 from loop.signals import Real
 from loop.simulation_batch import run_batch
 
@@ -50,7 +49,7 @@ class Fan:
     travel: tuple[float, ...]
 
 
-def uncertain_processes(process: TunedProcess, draws: Real) -> ProcessBatch:
+def uncertain_processes(process: Process, draws: Real) -> ProcessBatch:
     """Make a batch of processes from draws of the parameters.
 
     Parameters
@@ -65,6 +64,7 @@ def uncertain_processes(process: TunedProcess, draws: Real) -> ProcessBatch:
     ValueError
         The draws have another number of parameters, or one is impossible.
     """
+    like = ProcessBatch.of(_of_lags(process))
     draws = np.asarray(draws, dtype=np.float64)
     names = [item.name for item in fields(process)]
     if draws.ndim != 2 or draws.shape[1] != len(names) or not draws.size:
@@ -73,7 +73,6 @@ def uncertain_processes(process: TunedProcess, draws: Real) -> ProcessBatch:
             f"got the shape {draws.shape}"
         )
     own = dict(zip(names, draws.T, strict=True))
-    like = ProcessBatch.of(process)
     return ProcessBatch(
         K=own["K"],
         tau1=own.get("tau", own.get("tau1", like.tau1)),
@@ -83,7 +82,17 @@ def uncertain_processes(process: TunedProcess, draws: Real) -> ProcessBatch:
     )
 
 
-def box_draws(process: TunedProcess, part: float, *, n: int = 100, seed: int = 1) -> Real:
+def _of_lags(process: Process) -> LagProcess:
+    match process:
+        case TransferFunction():
+            raise ValueError(
+                "a fan needs a process of lags and integrators, not a general transfer function"
+            )
+        case _:
+            return process
+
+
+def box_draws(process: Process, part: float, *, n: int = 100, seed: int = 1) -> Real:
     """Draw processes whose parameters are all off at once by up to a part, corners first.
 
     Parameters
@@ -107,6 +116,7 @@ def box_draws(process: TunedProcess, part: float, *, n: int = 100, seed: int = 1
     ValueError
         The part does not lie between 0 and 1, or n is below 1.
     """
+    process = _of_lags(process)
     if not 0 < part < 1:
         raise ValueError(f"the spread must lie between 0 and 1, got {part}")
     if n < 1:

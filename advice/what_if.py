@@ -24,7 +24,6 @@ from advice.scenario import (
     experiment_of,
     replay_of,
 )
-from advice.tune import TunedProcess
 from loop.batch import ProcessBatch
 from loop.controller import PID
 from loop.errors import LoopDiverged
@@ -36,13 +35,14 @@ from loop.measures import (
     step_measures,
     total_variation,
 )
+from loop.process import Process
 from loop.recorded_disturbance import RecordedDisturbance, recorded_disturbance
 from loop.signals import Real
 from loop.simulation import Response, run
 
-# One run takes about two microseconds a scan; a batch a tenth of that.
-MOST_SCANS = 100_000
-MOST_FAN_SCANS = 5_000_000
+# Two or three seconds of work: a run takes about two microseconds a scan, a fan a tenth of that.
+MOST_SCANS = 1_000_000
+MOST_FAN_SCANS = 20_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +147,7 @@ class WhatIf:
 
     Attributes
     ----------
-    process : TunedProcess
+    process : Process
         Process of the runs.
     conditions : Conditions
         What was between the settings and the process.
@@ -159,7 +159,7 @@ class WhatIf:
         One for every event.
     """
 
-    process: TunedProcess
+    process: Process
     conditions: Conditions
     scan_time: float
     t_end: float
@@ -168,7 +168,7 @@ class WhatIf:
 
 
 def what_if(
-    process: TunedProcess,
+    process: Process,
     controllers: Mapping[str, PID],
     events: Sequence[Event],
     *,
@@ -179,8 +179,8 @@ def what_if(
 
     Parameters
     ----------
-    process : FOPDT, SOPDT, IPDT or DoubleIntegrator
-        Process model.
+    process : Process
+        Process model; a fan needs FOPDT, SOPDT, IPDT or DoubleIntegrator.
     controllers : mapping from name to PID
         Settings to compare, such as the new and the running ones.
     events : sequence of Event
@@ -202,7 +202,9 @@ def what_if(
     long, fine = horizon(process, list(controllers.values()))
     scan_time, t_end = conditions.scan_time or fine, conditions.t_end or long
     others = None if draws is None else uncertain_processes(process, draws)
-    _check_work(t_end, scan_time, 0 if others is None else others.shape[0])
+    _check_work(
+        t_end, scan_time, len(controllers) * len(events), 0 if others is None else others.shape[0]
+    )
     return WhatIf(
         process=process,
         conditions=conditions,
@@ -216,19 +218,19 @@ def what_if(
     )
 
 
-def _check_work(t_end: float, scan_time: float, draws: int) -> None:
+def _check_work(t_end: float, scan_time: float, runs: int, draws: int) -> None:
     scans = t_end / scan_time
-    if not 1 <= scans <= MOST_SCANS or scans * draws > MOST_FAN_SCANS:
+    if not 1 <= scans <= MOST_SCANS / runs or scans * runs * draws > MOST_FAN_SCANS:
         raise ValueError(
-            f"{t_end:.6g} s at a scan time of {scan_time:.6g} s are {scans:.6g} scans on "
-            f"{max(draws, 1)} processes; possible are 1 to {MOST_SCANS:,}, and "
-            f"{MOST_FAN_SCANS:,} over all processes. Change t_end or scan_time"
+            f"{t_end:.6g} s at a scan time of {scan_time:.6g} s are {scans:.6g} scans, in {runs} "
+            f"runs on {max(draws, 1)} processes; possible are 1 to {MOST_SCANS:,} scans over all "
+            f"runs, and {MOST_FAN_SCANS:,} with a fan. Change t_end or scan_time"
         )
 
 
 def _answer(
     event: Event,
-    process: TunedProcess,
+    process: Process,
     controllers: Mapping[str, PID],
     conditions: Conditions,
     length: tuple[float, float],
@@ -239,7 +241,7 @@ def _answer(
         dt = conditions.scan_time or event.record.sample_time
         replayed = recorded_disturbance(event.record, process, dt=dt)
         t_end = (replayed.pv.size - 1) * dt
-        _check_work(t_end, dt, 0)
+        _check_work(t_end, dt, len(controllers), 0)
         experiment = replay_of(replayed, conditions, t_end)
         others = None
     else:
@@ -255,7 +257,7 @@ def _run(
     name: str,
     pid: PID,
     event: Event,
-    process: TunedProcess,
+    process: Process,
     experiment: Experiment,
     others: ProcessBatch | None,
 ) -> Run:

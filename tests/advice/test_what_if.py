@@ -17,7 +17,7 @@ from loop.digital_pid import AntiWindup, OutputLimits
 from loop.disturbances import coloured_noise
 from loop.experiment import Step
 from loop.measures import LoadMeasures, StepMeasures, load_measures, step_measures
-from loop.process import FOPDT, IPDT, SOPDT
+from loop.process import FOPDT, IPDT, SOPDT, TransferFunction
 from loop.record import Record
 from loop.recorded_disturbance import recorded_disturbance
 from loop.simulation import Response, simulate
@@ -298,9 +298,9 @@ def test_what_cannot_be_simulated_is_refused_in_words() -> None:
         what_if(HEATER, {}, step)
     with pytest.raises(ValueError, match="scan_time must be positive"):
         Conditions(scan_time=0.0)
-    with pytest.raises(ValueError, match="1e\\+06 scans on 1 processes"):
-        what_if(HEATER, {"a": NEW}, step, conditions=Conditions(scan_time=0.001, t_end=1000.0))
-    conditions = Conditions(scan_time=0.01, t_end=999.0)
+    with pytest.raises(ValueError, match="1e\\+07 scans, in 1 runs on 1 processes"):
+        what_if(HEATER, {"a": NEW}, step, conditions=Conditions(scan_time=0.0001, t_end=1000.0))
+    conditions = Conditions(scan_time=0.001, t_end=999.0)
     with pytest.raises(ValueError, match="on 100 processes"):
         what_if(HEATER, {"a": NEW}, step, conditions=conditions, draws=box_draws(HEATER, 0.1))
     with pytest.raises(ValueError, match="draws of FOPDT have 3 columns, K, tau, theta"):
@@ -309,6 +309,8 @@ def test_what_cannot_be_simulated_is_refused_in_words() -> None:
         what_if(HEATER, {"a": NEW}, step, conditions=Conditions(noise=-1.0))
     with pytest.raises(ValueError, match="spread must lie between"):
         box_draws(HEATER, 1.0)
+    with pytest.raises(ValueError, match="not a general transfer function"):
+        box_draws(TransferFunction((1.0,), (1.0, 1.0)), 0.5)
     with pytest.raises(ValueError, match="number of draws"):
         box_draws(HEATER, 0.5, n=0)
     for impossible in (
