@@ -92,7 +92,7 @@ def _log_sensitivity(loop: FactoredLoop, w: Real) -> Real:
     """ln|S| = -ln|1 + L|, from the logarithm of L where that is large."""
     size, phase = loop.log_gain(w), loop.phase(w)
     large = size > 30
-    r = np.exp(np.where(large, 0.0, size))
+    r = np.where(large, 0.0, np.exp(np.minimum(size, 30.0)))
     near = -0.5 * np.log1p(r * (r + 2 * np.cos(phase)))
     return np.asarray(np.where(large, -size, near))
 

@@ -9,6 +9,7 @@ from fastapi import APIRouter
 from fastapi.routing import APIRoute
 from starlette.routing import compile_path
 
+from service.analysis.routes import router as analysis
 from service.assessments.routes import router as assessments
 from service.audit.routes import router as audit
 from service.health import router as operation
@@ -22,7 +23,7 @@ from service.sheets.routes import router as sheets
 from service.tunings.routes import router as tunings
 
 ROUTERS: tuple[APIRouter, ...] = (
-    loops, samples, models, tunings, sheets, assessments, jobs, keys, audit,
+    loops, samples, models, tunings, analysis, sheets, assessments, jobs, keys, audit,
     operation
 )  # fmt: skip
 UPLOADS: tuple[APIRouter, ...] = (records,)

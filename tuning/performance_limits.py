@@ -7,9 +7,10 @@ from enum import StrEnum
 import numpy as np
 
 from loop.bracket_solver import solve_brackets
-from loop.controller import DEFAULT_N, PID, Action
+from loop.controller import DEFAULT_N, PID
 from loop.factors import FactoredLoop
-from loop.process import Process, gain_sign
+from loop.feedback_sign import feedback_action
+from loop.process import Process
 from loop.signals import Complex, Real
 
 # Where the all-pass part has turned this far, the ideal loop |1 - A| = 1 crosses over.
@@ -110,8 +111,8 @@ def performance_limits(process: Process) -> tuple[Limit, ...]:
 
 
 def _open(process: Process) -> FactoredLoop:
-    """Factor the process alone, turned in sign where its gain is negative."""
-    return FactoredLoop.of(process, PID(Kc=1.0, action=Action.for_gain(gain_sign(process))))
+    """Factor the process alone, turned in sign where it takes the direct action."""
+    return FactoredLoop.of(process, PID(Kc=1.0, action=feedback_action(process)))
 
 
 def _right(roots: Complex) -> Complex:

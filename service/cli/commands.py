@@ -34,6 +34,11 @@ COMMANDS = (
         "Say what is wrong with each loop of an export, a folder or the installation, and why.",
     ),
     Entry(
+        "analyse",
+        "service.cli.analyse:analyse",
+        "Analyse a process with a controller: margins, poles, limits of performance.",
+    ),
+    Entry(
         "demo",
         "service.cli.demo:demo",
         "Start the service with a small simulated plant to look at.",

@@ -21,6 +21,8 @@ LOOPS: list[tuple[Process, PID, float]] = [
     (TransferFunction((1.0,), (1.0, -1.0, 0.0), 0.1), PID(Kc=3, Td=2, N=20), math.pi),
     (TransferFunction((1.0,), (1.0, 3.0, 2.0, 0.0)), PID(Kc=1), 0.0),
     (TransferFunction((0.2,), (1.0, 0.002, 1.0), 6.0), PID(Kc=0.005), 0.0),
+    # Two integrators: at low frequency L is large with a phase of -180°.
+    (TransferFunction((1.0,), (0.1, 1.0, 0.0, 0.0)), PID(Kc=0.5, Td=3), 0.0),
     # L falls with 1/s only and there is no dead time: feedback is then not for nothing.
     (FOPDT(K=2, tau=120, theta=0), PID(Kc=0.45, Ti=135), -math.pi / 2 * 0.9 / 120),
 ]

@@ -1,0 +1,1 @@
+"""A process with a controller: responses, margins, poles, limits; many loops at once."""

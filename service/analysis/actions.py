@@ -1,0 +1,83 @@
+"""What users ask about a process with a controller; nothing is stored."""
+
+from dataclasses import fields
+
+import numpy as np
+
+from advice.analyse import analyse
+from advice.analysis_body import analysis_body
+from advice.body import Body, numbers
+from loop.batch import MarginBatch, PIDBatch, ProcessBatch
+from loop.margin_batch import batch_margins
+from service.analysis.schemas import MOST_LOOPS, AnalyseLoop, AnalyseLoops, any_process, column
+from service.errors import InvalidRequest
+
+
+def analyse_loop(wanted: AnalyseLoop) -> Body:
+    """Say everything of one loop.
+
+    Raises
+    ------
+    InvalidRequest
+        A number cannot be.
+    """
+    try:
+        process = any_process(wanted.process)
+        analysis = analyse(
+            process,
+            wanted.controller.settings(process),
+            compensators=[item.made() for item in wanted.compensators],
+            scan_time=wanted.scan_time,
+            profile=wanted.profile,
+            task=None if wanted.task is None else wanted.task.task(),
+            points=wanted.points,
+        )
+    except ValueError as error:
+        raise InvalidRequest("body", str(error)) from error
+    return analysis_body(analysis, figures=wanted.figures)
+
+
+def analyse_loops(wanted: AnalyseLoops) -> Body:
+    """Find the margins of many loops at once.
+
+    Raises
+    ------
+    InvalidRequest
+        A number cannot be, or columns differ in length.
+    """
+    p, c = wanted.process, wanted.controller
+    K = column(p.K)
+    try:
+        shape = np.broadcast_shapes(
+            *(
+                column(values).shape
+                for values in (p.K, p.theta, p.tau1, p.tau2, c.Kc, c.Td, c.N, c.tauF, c.Ti or 0.0)
+            )
+        )
+    except ValueError as error:
+        detail = f"All columns must be equally long, of 1 to {MOST_LOOPS} rows."
+        raise InvalidRequest("body", detail) from error
+    try:
+        processes = ProcessBatch(
+            K=np.broadcast_to(K, shape),
+            tau1=column(p.tau1),
+            tau2=column(p.tau2),
+            integrators=np.asarray(p.integrators),
+            theta=column(p.theta),
+        )
+        controllers = PIDBatch(
+            Kc=column(c.Kc),
+            Ti=np.asarray(np.inf) if c.Ti is None else column(c.Ti),
+            Td=column(c.Td),
+            N=column(c.N),
+            tauF=column(c.tauF),
+            sign=np.where(K < 0, -1.0, 1.0),
+        )
+        found = batch_margins(processes, controllers, sample_time=wanted.scan_time)
+    except ValueError as error:
+        raise InvalidRequest("body", str(error)) from error
+    body: Body = {"count": int(found.stable.size)}
+    for item in fields(MarginBatch):
+        values = np.ravel(getattr(found, item.name))
+        body[item.name] = values.tolist() if values.dtype == bool else numbers(values)
+    return body
