@@ -114,8 +114,8 @@ def optimal_over_box(
     >>> from tuning.profiles import PROFILES
     >>> heater = FOPDT(K=2.0, tau=120.0, theta=30.0)
     >>> found = optimal_over_box(heater, LoopLimits.of(PROFILES["general"]))
-    >>> found.verdict.holds, round(found.settings.pid.Kc, 2)
-    (True, 0.35)
+    >>> found.verdict.holds, 0.35 < found.settings.pid.Kc < 0.36
+    (True, True)
     """
     search = Search.of(process, limits, structure, N, sample_time)
     sizes = error_sizes(process, errors)

@@ -15,8 +15,9 @@ from loop.signals import Real
 # The grid reaches from slow integral action to the second turn of the dead time: points even in
 # ln w, and as many more even in w, as the turns are.
 BELOW, ABOVE, POINTS, TURNING = 120.0, 6.0, 72, 40
-# Phase at which a process is as fast as a loop around it can be.
-SPEED = math.radians(-150.0)
+# Phase at which a process is as fast as a loop around it can be; further below where it starts low,
+# as two integrators do.
+SPEED, LOSS = math.radians(-150.0), math.radians(60.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,7 +87,7 @@ class PlantSet:
 
 
 def fastest(process: Process, hold: float = 0.0) -> float | None:
-    """Frequency where the phase of a process first passes -150°; None where it never does.
+    """Frequency where the phase of a process passes -150°; None where it never does.
 
     Parameters
     ----------
@@ -107,7 +108,8 @@ def fastest(process: Process, hold: float = 0.0) -> float | None:
     if not corners:
         return None
     w = np.geomspace(min(corners) / 1e3, max(corners) * 1e3, 4000)
-    late = loop.phase(w) < SPEED
+    phase = loop.phase(w)
+    late = phase < min(SPEED, float(phase[0]) - LOSS)
     return float(w[np.argmax(late)]) if late.any() else None
 
 
