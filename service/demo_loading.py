@@ -5,10 +5,10 @@ uploaded exports, models, tunings, and loop sheets that one person wrote and ano
 piece is looked up before it is made, so a load that was killed goes on where it stopped.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, time, timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
@@ -26,8 +26,9 @@ from service.audit.store import lines_between
 from service.database import Database
 from service.demo_plant import APPROVER, DEMO, ENGINEER, DemoLoop, DemoSheet
 from service.errors import NotFound
+from service.jobs.actions import add_job
 from service.loops import actions as loops
-from service.loops.schemas import NewLoop
+from service.loops.schemas import KindName, NewLoop
 from service.loops.store import loop_with_id, loop_with_tag
 from service.models import actions as models
 from service.models.schemas import IPDTBody, NewModel
@@ -46,6 +47,10 @@ KEY_OWNER = "demo"
 TESTS_START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 ROUTINE_START = datetime(2026, 3, 3, 6, 0, tzinfo=UTC)
 ROUTINE = 8 * 3600.0  # s
+# The first letter of a tag says what is measured (ISA-5.1).
+KINDS: Mapping[str, KindName] = {
+    "F": "flow", "P": "pressure", "L": "level", "T": "temperature", "A": "analyser"
+}  # fmt: skip
 
 PIECES = 5 * len(DEMO)  # that `load` tells of, for a progress bar
 Teller: TypeAlias = Callable[[str], None]
@@ -126,6 +131,20 @@ def load(into: Installation, tell: Teller) -> None:
         for version, written in enumerate(demo.sheets, start=1):
             sheet = _draft(into, loop_id, version, (written, plant, model_id, tuning_id))
             _decide(into, sheet, written)
+    _ask_for_assessment(into)
+
+
+def _ask_for_assessment(into: Installation) -> None:
+    """Let the service find out what the routine data say, as soon as it is up."""
+    day = datetime.combine(ROUTINE_START.date(), time(), UTC)
+    with _writing(into.held) as session:
+        add_job(
+            session,
+            actor=ENGINEER,
+            kind="assess",
+            key="assess:demo",
+            request={"start": day, "end": day + timedelta(days=1)},
+        )
 
 
 def _loop(into: Installation, demo: DemoLoop) -> UUID:
@@ -151,6 +170,7 @@ def _loop(into: Installation, demo: DemoLoop) -> UUID:
             gain_basis=demo.gain_basis,
             sample_time=plant.scan_time,
             largest_load=2 * plant.step,
+            kind=KINDS[plant.tag[0]],
         )
         return loops.create_loop(session, actor=ENGINEER, loop=new).id
 

@@ -209,7 +209,9 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
 @pytest.fixture
 def plant(database_url: URL, data_folder: Path, services: Services) -> Plant:
     settings = Settings(
-        data=data_folder, database_url=database_url.render_as_string(hide_password=False)
+        data=data_folder,
+        database_url=database_url.render_as_string(hide_password=False),
+        daily_at=None,
     )
     held = Database.at(database_url)
     with held.sessions.begin() as session:

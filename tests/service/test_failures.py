@@ -72,6 +72,7 @@ def settings(data_folder: Path, database_url: URL) -> Settings:
         data=data_folder,
         database_url=database_url.render_as_string(hide_password=False),
         max_upload_bytes=LIMIT,
+        daily_at=None,
     )
 
 

@@ -49,6 +49,7 @@ ROWS = {
     "sheet": VERSIONS,
     "sheet_decision": DECISIONS,
     "api_key": 1,
+    "job": 1,
 }
 
 
@@ -56,6 +57,7 @@ ROWS = {
 def started(folder: Path) -> Iterator[subprocess.Popen[str]]:
     """Start the demo in a folder; whatever happens, it does not outlive the test."""
     settings = {k: v for k, v in os.environ.items() if not k.startswith("LOOPWRIGHT_")}
+    settings["LOOPWRIGHT_DAILY_AT"] = "off"  # it would do its work in the middle of the test
     with log_of(folder).open("a") as stderr:
         process = subprocess.Popen(
             [str(LOOPWRIGHT), "demo", "--port", "0", "--data", str(folder)],
@@ -159,11 +161,24 @@ def look_around(address: str, docs: str, key: str) -> str:
     assert sorted(loops) == sorted(plant.tag for plant in PLANT)
     for demo in DEMO:
         look_at_loop(f"{address}/v1/loops/{loops[demo.plant.tag]['id']}", key, demo.plant.tag)
+    look_at_scorecard(address, key)
     trail = fetch(f"{address}/v1/audit/verify", key)
     assert trail["intact"] is True
-    # Every change is one line: a draft, an approval, a record, the key.
-    assert trail["rows"] == sum(ROWS.values())
+    # Every change is one line: a draft, an approval, a record, the key, the end of the job.
+    assert trail["rows"] == sum(ROWS.values()) + 1
     return str(trail["head"])
+
+
+def look_at_scorecard(address: str, key: str) -> None:
+    """Wait for the assessment of the routine data, and look at what it says of the plant."""
+    end = time.monotonic() + PATIENCE
+    while (job := fetch(f"{address}/v1/jobs", key)["items"][0])["state"] in ("queued", "running"):
+        assert time.monotonic() < end, job
+        time.sleep(0.2)
+    assert job["state"] == "done", job
+    assert job["result"] == {"loops": len(DEMO), "assessed": len(DEMO), "without_samples": 0}
+    card = fetch(f"{address}/v1/scorecard", key)
+    assert card["plant"]["loops"] == card["plant"]["assessable"] == len(DEMO)
 
 
 def look_at_loop(loop: str, key: str, tag: str) -> None:
