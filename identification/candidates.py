@@ -72,6 +72,8 @@ class Candidate:
         Largest systematic error.
     part : float
         The same against the size of the answer. [-]
+    swing : float
+        Size of the answer to OP. [PV]
     colour : Colour
         Whiteness of the residual.
     """
@@ -85,7 +87,14 @@ class Candidate:
     bic: float
     misfit: Misfit
     part: float
+    swing: float
     colour: Colour
+
+    @property
+    def slowness(self) -> float:
+        """Dead time and lags together. [s]"""
+        times = [n in ("tau", "tau1", "tau2", "T", "theta") for n in self.structure.names]
+        return float(np.sum(self.values[times]))
 
     @property
     def process(self) -> Process | None:
@@ -267,6 +276,7 @@ def _candidates(
                 bic=criterion(row) - reference,
                 misfit=misfit,
                 part=misfit.size / max(swing, 1e-300),
+                swing=swing,
                 colour=row.colour,
             )
         )

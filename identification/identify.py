@@ -7,10 +7,11 @@ from scipy.stats import t as student
 
 from identification.candidates import Candidate, Choice, choose
 from identification.condense import Samples, condense
+from identification.data_honesty import judge_data, judge_unit, require_one_unit
 from identification.disturbances import NEARLY_WHITE, Explanation, explain
 from identification.experiment import Experiment, read_experiment
 from identification.gains import StepGains, require_one_sign, step_gains
-from identification.least_squares import fopdt_least_squares
+from identification.least_squares import LeastSquaresFit, fopdt_least_squares
 from identification.plausibility import (
     answer_swing,
     require_answer,
@@ -162,6 +163,7 @@ def identify(record: Record) -> Identification:
     nothing = _data_facts(record)
     try:
         experiment = read_experiment(record)
+        require_one_unit(experiment.t, experiment.pv)
         samples, spikes = _without_spikes(experiment)
         explanation = explain(
             samples,
@@ -186,6 +188,7 @@ def identify(record: Record) -> Identification:
         findings = _findings(described, experiment, samples, explanation)
     except LoopError as fact:
         return replace(described, reasons=tuple(map(_sentence, (str(fact), *notes))))
+    findings += _of_the_data(record, described, experiment)
     if fitted is None:
         findings.insert(0, Finding(verdict=Verdict.REFUSED, reason=remark))
     elif remark:
@@ -253,7 +256,7 @@ def _described(
         choice=choice,
         standard_errors=chosen.standard_errors,
         correlation=chosen.covariance / np.outer(sizes, sizes),
-        intervals=_intervals(chosen),
+        intervals=_intervals(chosen, explanation.rival),
         pv0=fit.pv0,
         drift=fit.drift,
         drift_error=fit.drift_error * colour.inflation**0.5,
@@ -268,10 +271,18 @@ def _described(
     )
 
 
-def _intervals(chosen: Candidate) -> Real:
-    """95 % intervals of the parameters, none of which but a gain or a lead goes below 0."""
+def _intervals(chosen: Candidate, rival: LeastSquaresFit | None) -> Real:
+    """95 % intervals of the parameters, none of which but a gain or a lead goes below 0.
+
+    Where the record does not tell a slow tail from a drift, the answer with the other reading is
+    as likely and lies within them.
+    """
     width = float(student.ppf(0.975, chosen.fit.freedom)) * chosen.standard_errors
     intervals = np.stack((chosen.values - width, chosen.values + width), axis=1)
+    if rival is not None and chosen.structure is FIRST_ORDER:
+        other = np.array([rival.K, rival.tau, rival.theta])
+        intervals[:, 0] = np.minimum(intervals[:, 0], other)
+        intervals[:, 1] = np.maximum(intervals[:, 1], other)
     signed = np.isin(chosen.structure.names, ("K", "lead"))
     intervals[~signed] = np.maximum(intervals[~signed], 0.0)
     return intervals
@@ -316,6 +327,25 @@ def _findings(
     if described.gains is not None:
         findings += judge_gains(fit, described.gains)
     return findings
+
+
+def _of_the_data(
+    record: Record, described: Identification, experiment: Experiment
+) -> list[Finding]:
+    """What was done to the readings before they came here."""
+    chosen = described.structure
+    assert chosen is not None  # noqa: S101 - whatever is judged was fitted
+    return [
+        *judge_data(
+            experiment.t,
+            experiment.pv,
+            chosen.fit.predict(experiment.t),
+            swing=chosen.swing,
+            slowness=chosen.slowness,
+            noise_sd=chosen.fit.noise_sd,
+        ),
+        *judge_unit(experiment.pv, record.pv_unit),
+    ]
 
 
 def _notes(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from identification.identify import Identification, identify
+from identification.repeats import gain_over_level, pool
 from identification.verdict import Verdict
 from loop.process import FOPDT
 from loop.record import Record
@@ -101,6 +102,40 @@ def test_the_gain_falls_with_the_power() -> None:
         assert found.process is not None
         gains.append(found.process.K)
     assert gains == pytest.approx([1.006, 0.907], abs=0.02)
+
+
+def repeats() -> list[Identification]:
+    names = (f"sp_ens_IdentificacaoH1_0to50_{repeat}" for repeat in ("01", "02", "03", "04", "05"))
+    return [identify(prepared(name, 0, "normal noise")) for name in names]
+
+
+def test_the_repeats_pool_to_the_known_model_and_the_failed_one_is_thrown_out() -> None:
+    found = pool(repeats())
+    assert found.used == (0, 1, 2, 4)
+    assert [test.index for test in found.left_out] == [3]
+    assert "PV hardly follows" in found.left_out[0].reason
+    gain = found.process.K
+    assert gain == pytest.approx(1.00, abs=0.02)
+    assert found.process.tau == pytest.approx(191, abs=3)
+    assert found.process.theta == pytest.approx(21, abs=2)
+
+
+def test_the_intervals_of_a_small_step_contain_the_pooled_model() -> None:
+    pooled = pool(repeats()).process
+    small = identify(prepared("sp_ensH1_000_010_en1", 0, "normal noise"))
+    assert small.intervals is not None
+    truth = np.array([pooled.K, pooled.tau, pooled.theta])
+    assert np.all(small.intervals[:, 0] < truth)
+    assert np.all(truth < small.intervals[:, 1])
+
+
+def test_the_gain_that_falls_with_the_power_is_reported_as_no_linear_process() -> None:
+    names = (f"sp_ensH1_000_{to}_en1" for to in ("050", "060", "070", "080", "090", "100"))
+    found = gain_over_level([identify(prepared(name, 0, "normal noise")) for name in names])
+    assert found.certain
+    assert found.low == pytest.approx(1.00, abs=0.03)
+    assert found.high == pytest.approx(0.91, abs=0.02)
+    assert "the process is not linear" in found.sentence
 
 
 def columns(path: Path) -> np.ndarray:
