@@ -10,6 +10,7 @@ The command line, the REST service and a notebook all call these functions:
 from dataclasses import dataclass, replace
 
 from advice.identifying import identified
+from advice.rivals import for_all_readings
 from identification.identify import Identification
 from identification.relay import looks_like_relay
 from identification.relay_model import RelayModel, relay_model
@@ -187,6 +188,8 @@ def _tuned(
         # A loop that runs has the right action; only its numbers are in question.
         running = replace(running, action=Action.for_gain(process.K))
     answer = tunings(process, profile, tau_c=tau_c, sample_time=scan_time)
+    if record is not None and model is not None:
+        answer = for_all_readings(answer, process, record, model, scan_time)
     return TuningCase(
         profile=profile,
         record=record,
