@@ -17,6 +17,7 @@ from identification.candidates import Candidate, Choice
 from identification.held_input import HeldInput
 from identification.identify import Identification
 from identification.least_squares import LeastSquaresFit, fopdt_least_squares
+from identification.plausibility import answer_swing
 from identification.quality import Colour, Misfit, fit_percent, residual_colour
 from identification.relay import RelayResult, read_relay
 from identification.relay_cycle import invert_biased
@@ -42,6 +43,7 @@ from loop.signals import Flags, Real
 # million tests; with five parameters that either can move.
 BY_CHANCE, FREE = 1e-6, 5
 MOST_MOVES = 2000
+SMALLEST_SWING = 1e-300
 # Six parameters and some freedom to see whether they fit.
 FEWEST_SAMPLES = 12
 # A drift shows from three standard errors and this part of the swing on.
@@ -239,8 +241,9 @@ def _judged(
     predicted = fit.predict(t)
     residual = pv - predicted
     colour = residual_colour(residual[wave.settled])
-    misfit, part = wave_misfit(cycles, fit, relay)
-    lag = _candidate(fit, colour, misfit, part)
+    misfit = wave_misfit(cycles, fit, relay)
+    swing = max(answer_swing(fit, t[wave.settled]), SMALLEST_SWING)
+    lag = _candidate(fit, colour, misfit, swing)
     chosen = lag
     errors = judge_errors(fit, _intervals(lag, fit.freedom))
     if errors.verdict is Verdict.REFUSED:
@@ -251,7 +254,7 @@ def _judged(
     findings = [
         *judge_sign(fit, relay),
         errors,
-        judge_misfit(misfit, misfit.size / part if part else 1.0, -math.inf),
+        judge_misfit(misfit, swing, -math.inf),
         judge_cycles(relay),
         judge_dead_time(fit, intervals[-1], record.sample_time),
     ]
@@ -295,7 +298,7 @@ def _judged(
     )
 
 
-def _candidate(fit: LeastSquaresFit, colour: Colour, misfit: Misfit, part: float) -> Candidate:
+def _candidate(fit: LeastSquaresFit, colour: Colour, misfit: Misfit, swing: float) -> Candidate:
     """The one lag that was fitted, with errors widened by the residual's colour."""
     covariance = fit.covariance[:3, :3] * colour.inflation
     return Candidate(
@@ -307,7 +310,8 @@ def _candidate(fit: LeastSquaresFit, colour: Colour, misfit: Misfit, part: float
         free=4 + fit.drift_fitted + fit.start_fitted,
         bic=0.0,
         misfit=misfit,
-        part=part,
+        part=misfit.size / swing,
+        swing=swing,
         colour=colour,
     )
 

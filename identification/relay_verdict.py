@@ -7,7 +7,6 @@ import numpy as np
 
 from identification.candidates import Candidate
 from identification.least_squares import LeastSquaresFit
-from identification.plausibility import answer_swing
 from identification.quality import Misfit, worst_misfit
 from identification.relay import RelayResult
 from identification.relay_reading import RelayCycles, folded
@@ -23,10 +22,8 @@ FEW_CYCLES = 3
 CONFIDENT = 1.96
 
 
-def wave_misfit(
-    cycles: RelayCycles, fit: LeastSquaresFit, relay: RelayResult
-) -> tuple[Misfit, float]:
-    """Find what the model misses of the mean cycle, as such and as a part of the answer.
+def wave_misfit(cycles: RelayCycles, fit: LeastSquaresFit, relay: RelayResult) -> Misfit:
+    """Find what the model misses of the mean cycle.
 
     Parameters
     ----------
@@ -40,13 +37,12 @@ def wave_misfit(
     phase, inside = folded(cycles)
     order = np.argsort(phase, kind="stable")
     residual = cycles.pv[inside] - fit.predict(cycles.t[inside])
-    misfit = worst_misfit(
+    return worst_misfit(
         phase[order] * relay.Pu,
         residual[order],
         noise_sd=fit.noise_sd,
         width=relay.Pu / PARTS,
     )
-    return misfit, misfit.size / max(answer_swing(fit, cycles.t[inside]), 1e-300)
 
 
 def as_integrator(lag: Candidate) -> tuple[Candidate, Finding | None]:
