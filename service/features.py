@@ -20,11 +20,12 @@ from service.models.routes import router as models
 from service.records.routes import router as records
 from service.records.routes import samples_router as samples
 from service.sheets.routes import router as sheets
+from service.simulations.routes import router as simulations
 from service.tunings.routes import router as tunings
 
 ROUTERS: tuple[APIRouter, ...] = (
-    loops, samples, models, tunings, analysis, sheets, assessments, jobs, keys, audit,
-    operation
+    loops, samples, models, tunings, analysis, simulations, sheets, assessments, jobs, keys,
+    audit, operation
 )  # fmt: skip
 UPLOADS: tuple[APIRouter, ...] = (records,)
 

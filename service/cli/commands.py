@@ -39,6 +39,16 @@ COMMANDS = (
         "Analyse a process with a controller: margins, poles, limits of performance.",
     ),
     Entry(
+        "simulate",
+        "service.cli.simulate:simulate",
+        "Simulate settings before they are typed: steps, loads, a record met again.",
+    ),
+    Entry(
+        "export",
+        "service.cli.exporting:export",
+        "Write a process model as a short script for another tool.",
+    ),
+    Entry(
         "demo",
         "service.cli.demo:demo",
         "Start the service with a small simulated plant to look at.",

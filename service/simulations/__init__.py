@@ -1,0 +1,1 @@
+"""Settings simulated before they are typed, on a stated process; nothing is stored."""

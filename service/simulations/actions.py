@@ -1,0 +1,81 @@
+"""What users ask to see simulated; nothing is stored."""
+
+from datetime import timedelta
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from advice.body import Body
+from advice.fan import box_draws
+from advice.scenario import Event, LoadChange, Replay, SetPointChange, Transfer
+from advice.what_if import what_if
+from advice.what_if_body import what_if_body
+from historian.sample_store import SampleStore
+from loop.errors import NoSamples
+from loop.process import Process
+from loop.record import Record
+from loop.signals import Real
+from service.errors import InvalidRequest
+from service.loops.store import loop_with_id
+from service.models.schemas import stated_process
+from service.records.store import record_with_id
+from service.simulations.schemas import EventBody, FanBody, ReplayBody, Simulate
+
+
+def simulate(reading: Session, samples: SampleStore, *, wanted: Simulate) -> Body:
+    """Run every controller through every event.
+
+    Raises
+    ------
+    InvalidRequest
+        A number cannot be, or the runs would take too long.
+    NotFound
+        There is no such loop or record.
+    NoSamples
+        The record has no samples in the span.
+    """
+    process = stated_process(wanted.process)
+    try:
+        events = [_event(item, reading, samples) for item in wanted.events]
+        found = what_if(
+            process,
+            {item.name: item.settings(process) for item in wanted.controllers},
+            events,
+            conditions=wanted.conditions.conditions(),
+            draws=None if wanted.fan is None else _draws(wanted.fan, process),
+        )
+    except ValueError as error:
+        raise InvalidRequest("body", str(error)) from error
+    return what_if_body(found)
+
+
+def _draws(fan: FanBody, process: Process) -> Real:
+    if fan.draws is not None:
+        if len({len(row) for row in fan.draws}) > 1:
+            raise ValueError("every row of draws must be equally long")
+        return np.array(fan.draws)
+    assert fan.spread is not None  # noqa: S101 - the body holds one of the two
+    return box_draws(process, fan.spread, n=fan.count)
+
+
+def _event(body: EventBody, reading: Session, samples: SampleStore) -> Event:
+    if isinstance(body, ReplayBody):
+        return Replay(record=_record(body, reading, samples))
+    values = body.model_dump(exclude={"kind"})
+    kinds = {"set point": SetPointChange, "load": LoadChange, "transfer": Transfer}
+    event: Event = kinds[body.kind](**values)
+    return event
+
+
+def _record(body: ReplayBody, reading: Session, samples: SampleStore) -> Record:
+    loop = loop_with_id(reading, body.loop_id)
+    row = record_with_id(reading, body.loop_id, body.record_id)
+    if row.first_time is None or row.last_time is None:
+        raise NoSamples(loop.tag)
+    start = max(filter(None, (row.first_time, body.start)))
+    # The store reads up to, and without, its second bound.
+    end = min(filter(None, (row.last_time + timedelta(microseconds=1), body.end)))
+    found = samples.read(body.loop_id, start, max(start, end))
+    if not len(found):
+        raise NoSamples(loop.tag)
+    return found.record(tag=loop.tag, pv_unit=loop.pv_unit, op_unit=loop.op_unit)

@@ -1,0 +1,120 @@
+"""`loopwright simulate`: the same answer as from a notebook, and refusals in words."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from advice.fan import box_draws
+from advice.scenario import Conditions, LoadChange, SetPointChange, Transfer
+from advice.what_if import what_if
+from advice.what_if_body import what_if_body
+from loop.controller import PID
+from loop.digital_pid import AntiWindup, OutputLimits
+from loop.process import FOPDT
+from loop.simulation import simulate
+from loop.valve import Kano
+from service.cli import run
+
+Said = Callable[[], tuple[str, str]]
+HEATER = "FOPDT:2,120,30"
+
+
+def test_it_prints_what_a_notebook_finds(said: Said) -> None:
+    call = (
+        f"simulate {HEATER} 0.9,135,13.3 --against 0.4,200,0 --step 5 --ramp 0.1 --load -2 "
+        "--transfer 1 --scan-time 4 --length 1200 --limits 0,60 --rate 2 --anti-windup tracking "
+        "--pv-filter 6 --noise 0.1 --resolution 0.02 --valve Kano:0.4,0.2 --rest 150,40 "
+        "--spread 30 --json"
+    )
+    assert run(call.split()) == 0
+    process = FOPDT(K=2, tau=120, theta=30)
+    found = what_if(
+        process,
+        {"new": PID(Kc=0.9, Ti=135, Td=13.3), "against": PID(Kc=0.4, Ti=200)},
+        [SetPointChange(size=5, rate=0.1), LoadChange(size=-2), Transfer(size=1)],
+        conditions=Conditions(
+            scan_time=4,
+            t_end=1200,
+            limits=OutputLimits(low=0, high=60, rate=2),
+            anti_windup=AntiWindup.TRACKING,
+            pv_filter=6,
+            noise=0.1,
+            resolution=0.02,
+            valve=Kano(S=0.4, J=0.2),
+            pv0=150,
+            op0=40,
+        ),
+        draws=box_draws(process, 0.3),
+    )
+    assert json.loads(said()[0]) == json.loads(json.dumps(what_if_body(found)))
+
+
+def test_a_person_reads_a_table_for_each_event(said: Said) -> None:
+    call = f"simulate {HEATER} 0.9,135,13.3 --against 3,60,0 --load 2 --transfer 1 --spread 20"
+    assert run([*call.split(), "--length", "300000", "--scan-time", "20"]) == 0
+    out, err = said()
+    assert err == ""
+    for words in ("Load", "Transfer", "peak PV", "bump at the transfer", "over 100 processes"):
+        assert words in out
+    assert "against: The simulated loop grows without bound" in out
+
+
+def test_without_an_event_the_set_point_moves_by_one(said: Said) -> None:
+    assert run(["simulate", HEATER, "0.9,135,13.3"]) == 0
+    assert "overshoot %" in said()[0]
+    assert run(["simulate", HEATER, "9,100,0", "--length", "90000"]) == 0
+    assert "grows without bound" in said()[0]
+
+
+def test_a_record_is_met_again(tmp_path: Path, said: Said) -> None:
+    t = np.arange(400) * 5.0
+    load = np.where(t > 500, 3.0, 0.0)
+    held = simulate(
+        FOPDT(K=2, tau=120, theta=30), PID(Kc=0.4, Ti=200), t_end=t[-1], dt=5, load=load, sp=0.0
+    )
+    rows = zip(t.tolist(), held.pv.tolist(), held.op.tolist(), strict=True)
+    file = tmp_path / "day.csv"
+    file.write_text("t [s],PV,OP,SP\n" + "".join(f"{s},{y!r},{u!r},0\n" for s, y, u in rows))
+    call = ["simulate", HEATER, "0.9,135,13.3", "--against", "0.4,200,0", "--replay", str(file)]
+    assert run(call) == 0
+    assert "as recorded" in said()[0]
+    assert run([*call, "--json"]) == 0
+    event = json.loads(said()[0])["events"][0]
+    np.testing.assert_allclose(
+        event["runs"][1]["response"]["pv"], event["recorded"]["pv"], atol=1e-9
+    )
+    assert event["recorded"]["measures"]["IAE"] == pytest.approx(
+        event["runs"][1]["measures"]["IAE"]
+    )
+
+
+@pytest.mark.parametrize("valve", ["Choudhury:1,0.5", "he:1,0.5", "DeadBand:1"])
+def test_valves_are_stated_by_their_numbers(valve: str, said: Said) -> None:
+    assert run(["simulate", HEATER, "0.9,135,0", "--valve", valve, "--json"]) == 0
+    name = json.loads(said()[0])["conditions"]["valve"]["model"]
+    assert name.lower() == valve.split(":")[0].lower()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "because"),
+    [
+        ([HEATER], "Missing argument"),
+        ([HEATER, "0.9,135,0", "--limits", "3"], "--limits takes two numbers such as 0,100"),
+        ([HEATER, "0.9,135,0", "--rest", "a,b"], "--rest takes two numbers"),
+        ([HEATER, "0.9,135,0", "--valve", "Foo:1"], "there is no valve 'Foo:1'"),
+        ([HEATER, "0.9,135,0", "--valve", "Kano:1,x"], "could not convert"),
+        ([HEATER, "0.9,135,0", "--valve", "He:1,2"], "fd must not exceed fs"),
+        ([HEATER, "0.9,135,0", "--scan-time", "1e-9"], "Change t_end or scan_time"),
+        ([HEATER, "0.9,135,0", "--spread", "100"], "spread must lie between"),
+        ([HEATER, "0.9,135,0", "--replay", "nowhere.csv"], "there is no file nowhere.csv"),
+        (["TF:1/1,1,1,0", "1", "--spread", "10"], "not a general transfer function"),
+    ],
+)
+def test_wrong_calls_say_what_is_wrong(arguments: list[str], because: str, said: Said) -> None:
+    assert run(["simulate", *arguments]) == 2
+    out, err = said()
+    assert out == ""
+    assert because in " ".join(err.split())
