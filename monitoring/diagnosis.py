@@ -204,7 +204,9 @@ def _valve(control: ControlIndices) -> Diagnosis:
     evidence = [f"Probability of stiction {stiction.probability:.2f}."]
     if agreeing:
         evidence.append("Alone, these say so too: " + ", ".join(agreeing) + ".")
-    if stiction.apparent_size is not None:
+    if stiction.S is not None and stiction.J is not None:
+        evidence.append(f"S {stiction.S:.2g} % and J {stiction.J:.2g} % of OP explain OP and PV.")
+    elif stiction.apparent_size is not None:
         evidence.append(f"Apparent stiction {stiction.apparent_size:.2g} % of OP.")
     return Diagnosis(
         cause=Cause.VALVE,

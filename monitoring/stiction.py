@@ -6,9 +6,10 @@ from monitoring.basis import Basis, Confidence, Setting, refusal
 from monitoring.loop_signals import Stretch
 from monitoring.op_pv_figure import apparent_stiction
 from monitoring.oscillation import Oscillation
-from monitoring.stiction_features import StictionFeatures, stiction_features
+from monitoring.stiction_features import StictionFeatures, active_part, stiction_features
 from monitoring.stiction_model import StictionModel, stiction_model
 from monitoring.stiction_result import Stiction, StictionEvidence, StictionVerdict
+from monitoring.stiction_search import CLEAR, StictionSearch, stiction_search
 from monitoring.wave_shapes import area_ratio, hagglund_index, he_index, rossi_scali_index
 
 
@@ -43,7 +44,12 @@ def stiction(
     if found is None:
         return _nothing_to_judge(stretch)
     model = stiction_model()
-    probability = float(model.probability(found.vector[None])[0])
+    first = model.probability(found.vector[None])
+    probability, search = float(first[0]), None
+    if probability >= model.flagged_from:
+        part = active_part(swings, stretch.dt)
+        search = stiction_search(stretch.op[part], stretch.pv[part], found.period)
+        probability = float(model.searched(first, np.array([search.improvement or 0.0]))[0])
     verdict = StictionVerdict.UNDECIDED
     if probability >= model.stiction_from:
         verdict = StictionVerdict.STICTION
@@ -53,7 +59,9 @@ def stiction(
     return Stiction(
         verdict=verdict,
         probability=probability,
-        evidence=_evidence(found, integrating),
+        evidence=(*_evidence(found, integrating), _searched(search)),
+        S=None if search is None or search.S is None else 100 * search.S / op_span,
+        J=None if search is None or search.J is None else 100 * search.J / op_span,
         apparent_size=None if size is None else 100 * size / op_span,
         basis=_basis(stretch, swings, found, verdict, compressed, model),
     )
@@ -64,6 +72,8 @@ def _nothing_to_judge(stretch: Stretch) -> Stiction:
         verdict=StictionVerdict.UNDECIDED,
         probability=None,
         evidence=(),
+        S=None,
+        J=None,
         apparent_size=None,
         basis=refusal(
             "OP and PV do not move through three cycles of one period", share=stretch.share
@@ -133,6 +143,22 @@ def _evidence(found: StictionFeatures, integrating: bool) -> tuple[StictionEvide
         ),
         _nonlinear(found),
     )  # fmt: skip
+
+
+def _searched(search: StictionSearch | None) -> StictionEvidence:
+    method = "search for S and J (Hammerstein)"
+    if search is None or search.improvement is None:
+        why = "not flagged, so not searched" if search is None else search.basis.reasons[0]
+        return StictionEvidence(
+            method=method, value=None, verdict=StictionVerdict.UNDECIDED, note=why
+        )
+    found = search.improvement > 2 * CLEAR
+    return StictionEvidence(
+        method=method,
+        value=search.improvement,
+        verdict=StictionVerdict.STICTION if found else StictionVerdict.NONE,
+        note="part of the linear model's residual that a sticking valve takes off",
+    )
 
 
 def _between(value: float, none: float, some: float) -> StictionVerdict:

@@ -99,9 +99,8 @@ def stiction_features(
         None where there are fewer than three cycles to look at.
     """
     main = swings.main
-    if main is not None:
-        first, last = int(main.start / dt), int(main.end / dt)
-        op, pv, error = op[first:last], pv[first:last], error[first:last]
+    part = active_part(swings, dt)
+    op, pv, error = op[part], pv[part], error[part]
     period = main.period / dt if main is not None else strongest_period(error)
     if period is None:
         return None
@@ -145,6 +144,12 @@ def stiction_features(
     return StictionFeatures(
         period=period, cycle=cycle, correlation=correlation, bicoherence=gaussian, vector=vector
     )
+
+
+def active_part(swings: Oscillation, dt: float) -> slice:
+    """Samples of the main oscillation, all where there is none."""
+    main = swings.main
+    return slice(None) if main is None else slice(int(main.start / dt), int(main.end / dt))
 
 
 def strongest_period(error: Real) -> float | None:

@@ -25,6 +25,10 @@ class StictionModel:
         Mean and standard deviation of the features where it was fitted.
     weights : ndarray, shape (1 + 2 k + k (k - 1)/2,)
         Weights in the order of `terms`.
+    second : ndarray, shape (3,)
+        Weights of a constant, the first log odds and what the search took off, for flagged loops.
+    flagged_from : float
+        First probability from which the search is run.
     stiction_from, none_below : float
         Probabilities from which the answer is stiction, and below which it is none.
     """
@@ -32,6 +36,8 @@ class StictionModel:
     mean: Real
     spread: Real
     weights: Real
+    second: Real
+    flagged_from: float
     stiction_from: float
     none_below: float
 
@@ -40,8 +46,30 @@ class StictionModel:
 
         Sticking and other loops are taken as equally likely beforehand.
         """
-        score = terms(vectors, self.mean, self.spread) @ self.weights
-        return np.asarray(1 / (1 + np.exp(-np.clip(score, -30, 30))))
+        return logistic(terms(vectors, self.mean, self.spread) @ self.weights)
+
+    def searched(self, probability: Real, improvement: Real) -> Real:
+        """Probability once the search has run, shape (m,).
+
+        Parameters
+        ----------
+        probability : ndarray, shape (m,)
+            First probability.
+        improvement : ndarray, shape (m,)
+            Part of the linear model's residual that the best S and J take off. [-]
+        """
+        return logistic(second_terms(probability, improvement) @ self.second)
+
+
+def logistic(score: Real) -> Real:
+    """Probability from log odds."""
+    return np.asarray(1 / (1 + np.exp(-np.clip(score, -30, 30))))
+
+
+def second_terms(probability: Real, improvement: Real) -> Real:
+    """A constant, the first log odds and what the search took off, a row a loop."""
+    odds = np.log(probability / (1 - probability))
+    return np.column_stack([np.ones(odds.size), odds, np.sqrt(np.maximum(improvement, 0.0))])
 
 
 def terms(vectors: Real, mean: Real, spread: Real) -> Real:
@@ -61,6 +89,8 @@ def stiction_model() -> StictionModel:
         mean=np.array(body["mean"]),
         spread=np.array(body["spread"]),
         weights=np.array(body["weights"]),
+        second=np.array(body["second"]),
+        flagged_from=float(body["flagged_from"]),
         stiction_from=float(body["stiction_from"]),
         none_below=float(body["none_below"]),
     )

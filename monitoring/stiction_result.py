@@ -48,6 +48,9 @@ class Stiction:
         Calibrated on simulated loops; None where there was nothing to judge. [-]
     evidence : tuple of StictionEvidence
         Every method's word.
+    S, J : float or None
+        Stiction band and slip jump by the search, in percent of the OP range; for flagged loops
+        whose OP and PV a sticking valve explains better than a line. [%]
     apparent_size : float or None
         Apparent stiction: width of the OP-PV figure along OP, in percent of the OP range; it
         shrinks with the loop's own gain and is no property of the valve alone. [%]
@@ -58,5 +61,7 @@ class Stiction:
     verdict: StictionVerdict
     probability: float | None
     evidence: tuple[StictionEvidence, ...]
+    S: float | None
+    J: float | None
     apparent_size: float | None
     basis: Basis
