@@ -7,9 +7,17 @@ import numpy as np
 from advice.analyse import analyse
 from advice.analysis_body import analysis_body
 from advice.body import Body, numbers
+from advice.model_export import Script, export_model
 from loop.batch import MarginBatch, PIDBatch, ProcessBatch
 from loop.margin_batch import batch_margins
-from service.analysis.schemas import MOST_LOOPS, AnalyseLoop, AnalyseLoops, any_process, column
+from service.analysis.schemas import (
+    MOST_LOOPS,
+    AnalyseLoop,
+    AnalyseLoops,
+    ExportModel,
+    any_process,
+    column,
+)
 from service.errors import InvalidRequest
 
 
@@ -35,6 +43,21 @@ def analyse_loop(wanted: AnalyseLoop) -> Body:
     except ValueError as error:
         raise InvalidRequest("body", str(error)) from error
     return analysis_body(analysis, figures=wanted.figures)
+
+
+def export_process(wanted: ExportModel) -> Script:
+    """Write a process model as a script.
+
+    Raises
+    ------
+    InvalidRequest
+        A number cannot be.
+    """
+    try:
+        process = any_process(wanted.process)
+        return export_model(process, wanted.target, sample_time=wanted.sample_time)
+    except ValueError as error:
+        raise InvalidRequest("body", str(error)) from error
 
 
 def analyse_loops(wanted: AnalyseLoops) -> Body:

@@ -267,3 +267,19 @@ class LoopsBody(Answer):
 def column(values: Values) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
     """A number or a column as an array that broadcasts."""
     return np.asarray(values, dtype=np.float64)
+
+
+class ExportModel(Strict):
+    """Ask for a process model as a script for another tool."""
+
+    process: AnyProcess
+    target: Literal["python", "python-control", "matlab", "julia", "gekko", "do-mpc", "modelica"]
+    sample_time: Seconds | None = Field(None, description="For gekko and do-mpc. [s]")
+
+
+class ScriptBody(Answer):
+    """A script."""
+
+    target: str
+    file_name: str
+    text: str

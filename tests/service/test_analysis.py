@@ -10,6 +10,7 @@ from fastapi.testclient import TestClient
 
 from advice.analyse import Task, analyse
 from advice.analysis_body import analysis_body
+from advice.model_export import export_model
 from loop.controller import PID, Action
 from loop.margins import margins
 from loop.process import FOPDT
@@ -205,3 +206,19 @@ def test_columns_that_cannot_be_are_refused(
     assert answer.status_code == 422
     assert sentence in " ".join(fault["detail"] for fault in answer.json()["errors"])
     assert math.isfinite(len(answer.content))
+
+
+def test_a_model_is_exported_as_a_script(client: TestClient) -> None:
+    answer = client.post("/v1/analysis/export", json={"process": HEATER, "target": "julia"})
+
+    assert answer.status_code == 200, answer.text
+    script = export_model(FOPDT(K=2, tau=120, theta=30), "julia")
+    assert answer.json() == {
+        "target": "julia",
+        "file_name": script.file_name,
+        "text": script.text,
+    }
+    body = {"process": HEATER, "target": "gekko", "sample_time": 1e-6}
+    refused = client.post("/v1/analysis/export", json=body)
+    assert refused.status_code == 422
+    assert "1000 is the most" in refused.json()["errors"][0]["detail"]
