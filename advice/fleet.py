@@ -10,8 +10,9 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from dataclasses import dataclass
+from importlib.util import find_spec
 from itertools import islice
-from typing import TypeAlias
+from typing import ParamSpec, TypeAlias, TypeVar
 
 from advice.assess import assess, not_assessed
 from advice.assessment_body import assessment_body
@@ -22,8 +23,12 @@ from monitoring.score_profile import DEFAULT_SCORE_PROFILE
 Crew: TypeAlias = Callable[[], Executor]
 """Makes an executor; called again when its workers died."""
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 LOOPS_A_CHUNK = 8
 CHUNKS_IN_FLIGHT = 6  # enough that no worker of a small machine waits for the reader
+PATIENCE = 10.0  # s, for a scheduler to answer
 MOST_DEATHS = 3  # of workers over one chunk, after which its loops are told apart from bad luck
 
 
@@ -224,17 +229,31 @@ def cluster_crew(address: str) -> Crew:
     Raises
     ------
     ValueError
-        The extra `cluster` is not installed, or nobody answers at the address.
+        The extra `cluster` is not installed; the crew itself raises it when nobody answers.
     """
-    try:
+    if find_spec("distributed") is None:
+        raise ValueError("a cluster needs the extra `cluster`: pip install loopwright[cluster]")
+    return lambda: _Cluster(address)
+
+
+class _Cluster(Executor):
+    """The workers of a scheduler, and the connection to it for as long as they are needed."""
+
+    def __init__(self, address: str) -> None:
         from distributed import Client
-    except ImportError as error:
-        raise ValueError(
-            "a cluster needs the extra `cluster`: pip install loopwright[cluster]"
-        ) from error
-    try:
-        client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
-    except OSError as error:
-        raise ValueError(f"no Dask scheduler answers at {address}") from error
-    crew: Crew = client.get_executor
-    return crew
+
+        try:
+            self._client = Client(address, timeout=PATIENCE)  # type: ignore[no-untyped-call]
+        except OSError as error:
+            raise ValueError(f"no Dask scheduler answers at {address}") from error
+        self._workers = self._client.get_executor()
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Hand work on; what was with a worker that died is given to another by the scheduler."""
+        future: Future[T] = self._workers.submit(fn, *args, **kwargs)
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002
+        """Let the workers go; the scheduler drops what nobody waits for."""
+        self._workers.shutdown(wait=wait)
+        self._client.close()
