@@ -243,7 +243,7 @@ class _Cluster(Executor):
         from distributed import Client
 
         try:
-            self._client = Client(address, timeout=PATIENCE)  # type: ignore[no-untyped-call]
+            self._client = Client(address, timeout=PATIENCE)
         except OSError as error:
             raise ValueError(f"no Dask scheduler answers at {address}") from error
         self._workers = self._client.get_executor()

@@ -104,7 +104,7 @@ def test_a_process_that_is_killed_costs_nothing_but_time(
 def test_a_cluster_gives_the_same_answers_and_outlives_a_worker() -> None:
     from distributed import LocalCluster
 
-    with LocalCluster(  # type: ignore[no-untyped-call]
+    with LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True
     ) as cluster:
         results = assess_fleet(loops(16), crew=cluster_crew(cluster.scheduler_address))
