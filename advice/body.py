@@ -286,6 +286,10 @@ def step_body(reading: StepReading) -> Body:
         "steady_before": reading.steady_before,
         "steady_after": reading.steady_after,
         "smith_two_point": None if smith is None else process_parameters(smith.process),
+        "methods": {
+            method.method: None if method.process is None else process_parameters(method.process)
+            for method in reading.methods
+        },
         "remark": reading.remark,
     }
 

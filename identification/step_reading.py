@@ -7,6 +7,7 @@ import numpy as np
 from identification.condense import Samples
 from identification.least_squares import LeastSquaresFit
 from identification.quality import residual_colour
+from identification.step_methods import MethodReading, step_methods
 from identification.steps import Step
 from identification.two_point import TwoPoint, smith_two_point
 from loop.errors import LoopError, NotSteady
@@ -33,6 +34,8 @@ class StepReading:
         Smith's reading, a cross-check of the fit.
     remark : str
         Why there is no such reading; empty where there is one.
+    methods : tuple of MethodReading
+        What other graphical methods read where Smith's has an answer.
     """
 
     step: Step
@@ -40,6 +43,7 @@ class StepReading:
     steady_after: bool | None
     two_point: TwoPoint | None
     remark: str
+    methods: tuple[MethodReading, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,8 +87,18 @@ def _read(
     hold = end - step.end
     after = _level(t, pv, max(step.end + fit.theta, end - min(fit.tau, hold / 3)), end, small)
     two_point, remark = None, ""
+    methods: tuple[MethodReading, ...] = ()
     try:
         two_point = _two_point(t, pv, step, end, before, after)
+        inside = (t >= step.start) & (t < end)
+        methods = step_methods(
+            t[inside],
+            pv[inside],
+            step_at=step.instant,
+            op_change=step.size,
+            pv_from=two_point.pv_from,
+            pv_to=two_point.pv_to,
+        )
     except (LoopError, ValueError) as fact:
         remark = str(fact)
     return StepReading(
@@ -93,6 +107,7 @@ def _read(
         steady_after=None if after is None else after.steady,
         two_point=two_point,
         remark=remark,
+        methods=methods,
     )
 
 

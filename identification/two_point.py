@@ -83,8 +83,8 @@ def smith_two_point(
     if change == 0:
         raise PoorExcitation(f"PV ends where it began, at {pv_from:.4g}.")
     part = (pv - pv_from) / change
-    t28 = _passage(t, part, LEVEL_28) - step_at
-    t63 = _passage(t, part, LEVEL_63) - step_at
+    t28 = passage(t, part, LEVEL_28) - step_at
+    t63 = passage(t, part, LEVEL_63) - step_at
     tau = 1.5 * (t63 - t28)
     theta = t63 - tau
     if tau <= 0 or t28 <= 0:
@@ -102,8 +102,23 @@ def smith_two_point(
     )
 
 
-def _passage(t: Real, part: Real, level: float) -> float:
-    """Median of the upward passages of a level. [s]"""
+def passage(t: Real, part: Real, level: float) -> float:
+    """Median of the upward passages of a level. [s]
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times. [s]
+    part : ndarray, shape (n,)
+        Answer as a part of its whole change. [-]
+    level : float
+        Level. [-]
+
+    Raises
+    ------
+    PoorExcitation
+        The answer never passes it.
+    """
     above = part >= level
     up = np.flatnonzero(~above[:-1] & above[1:])
     if not up.size:

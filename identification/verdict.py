@@ -14,6 +14,7 @@ from identification.disturbances import Explanation
 from identification.gains import StepGains
 from identification.least_squares import LeastSquaresFit
 from identification.quality import Misfit
+from identification.step_methods import Spread, spread
 from identification.step_reading import StepReading
 from loop.signals import Real
 
@@ -213,11 +214,21 @@ def judge_two_point(fit: LeastSquaresFit, readings: tuple[StepReading, ...]) -> 
     if not apart:
         return []
     most = max(apart)
+    others = spread(tuple(m for reading in readings for m in reading.methods))
+    lie = "" if others is None else f"; {_apart(others)}"
     if most > APART:
         text = f"Smith's two points differ from the fit by {_percent(most)} in K or tau + theta"
-        return [Finding(verdict=Verdict.CARE, reason=text)]
+        return [Finding(verdict=Verdict.CARE, reason=text + lie)]
     text = f"Smith's two points agree within {_percent(most)} in K and tau + theta"
-    return [Finding(verdict=Verdict.TRUSTED, reason=text)]
+    return [Finding(verdict=Verdict.TRUSTED, reason=text + lie)]
+
+
+def _apart(others: Spread) -> str:
+    """How far graphical readings lie apart."""
+    return (
+        f"graphical methods read tau {others.tau[0]:.3g} to {others.tau[1]:.3g} s and theta "
+        f"{others.theta[0]:.3g} to {others.theta[1]:.3g} s"
+    )
 
 
 def judge_gains(fit: LeastSquaresFit, gains: StepGains) -> list[Finding]:
