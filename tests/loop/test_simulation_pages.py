@@ -1,4 +1,4 @@
-"""The examples on the pages of simulation and of the virtual plant run as printed."""
+"""The examples on the pages of simulation, virtual plant and conditioning run as printed."""
 
 import re
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 METHODS = Path(__file__).parents[2] / "docs" / "methods"
 
 
-@pytest.mark.parametrize("page", ["simulation", "valve-models", "virtual-plant"])
+@pytest.mark.parametrize("page", ["simulation", "valve-models", "virtual-plant", "conditioning"])
 def test_every_python_block_runs(page: str) -> None:
     text = (METHODS / f"{page}.md").read_text("utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
