@@ -35,7 +35,7 @@ from loop.signals import Real
 # Longest dead time and slowest lag looked for, in the longest segment.
 LATEST, SLOWEST = 0.25, 3.0
 # Rows of output before a segment that are looked back at.
-LEAD = 2000
+LEAD = 300
 # Correlations beyond so many standard errors are no chance among some dozen of them.
 SEEN, CERTAIN = 4.0, 6.0
 # Spacing of the samples against tau + theta: the output is only known at samples.

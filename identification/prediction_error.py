@@ -24,7 +24,7 @@ from identification.whitened_search import (
 from loop.signals import Real
 
 # Samples that the grid is searched with.
-FEW = 1000
+FEW = 700
 # Samples for each (tau + theta): enough to place the dead time, few enough for an autoregression
 # to reach back over the disturbance's memory.
 DENSITY = 30.0

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import maximum_filter
 from scipy.signal import lfilter
 
@@ -16,10 +17,10 @@ from loop.signals import Real
 
 # Ratios of neighbours in the grid of time constants and dead times.
 TAU_RATIO, THETA_RATIO = 1.6, 1.15
-# Rounds of whitening; the third seldom moves the peak.
-ROUNDS = 3
+# Rounds of whitening.
+ROUNDS = 2
 # Peaks of the grid that are followed.
-MOST_PEAKS = 4
+MOST_PEAKS = 3
 # Autoregressions of up to this order are tried.
 MOST_ORDER = 12
 # Time constants after which nothing is left, as in `held_input`.
@@ -187,11 +188,11 @@ class _Grid:
             n = s.pv.size
             fixed = np.column_stack((np.ones(n), dying(n, self.dt, tau), s.pv - s.pv.mean()))
             white = whiten(fixed, noise)
-            q, _ = np.linalg.qr(white[:, :2])
+            q = _orthonormal(white[:, :2])
             y = white[:, 2] - q @ (q.T @ white[:, 2])
             moved = whiten(x, noise)
             first = moved.size - y.size
-            X = np.stack([moved[first - d : first - d + y.size] for d in self.delays])
+            X = sliding_window_view(moved, y.size)[first - np.array(self.delays)]
             onto = X @ np.column_stack((y, q))
             inner = inner + onto[:, 0]
             size += np.einsum("ij,ij->i", X, X) - np.sum(onto[:, 1:] ** 2, axis=1)
@@ -205,6 +206,18 @@ class _Grid:
         white = np.concatenate([whiten(block, noise) for block in blocks])
         a, *_ = np.linalg.lstsq(white, np.concatenate([whiten(v, noise) for v in y]), rcond=None)
         return [v - block @ a for v, block in zip(y, blocks, strict=True)]
+
+
+def _orthonormal(pair: Real) -> Real:
+    """Two columns made orthonormal, zero where one contains the other."""
+    q = pair.copy()
+    for k in range(2):
+        before = float(q[:, k] @ q[:, k])
+        if k:
+            q[:, 1] -= q[:, 0] * float(q[:, 0] @ q[:, 1])
+        size = float(q[:, k] @ q[:, k])
+        q[:, k] *= 0.0 if size <= 1e-12 * before else 1 / math.sqrt(size)
+    return q
 
 
 def columns(stretches: tuple[Stretch, ...], dt: float, tau: float, theta: float) -> list[Real]:
