@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from advice.next_test import after, next_test_body
 from advice.tune import TuningCase
 from identification.candidates import Candidate
 from identification.identify import Identification
@@ -18,6 +19,7 @@ from identification.quality import Colour
 from identification.relay_model import RelayModel
 from identification.step_reading import StepReading
 from loop.controller import PID
+from loop.half_rule import Reduction
 from loop.margin_batch import MarginBatch
 from loop.margins import Margins
 from loop.process import Process
@@ -25,6 +27,7 @@ from loop.record import Record
 from loop.signals import Flags, Real
 from tuning.answer import Tuning
 from tuning.catalogue import RULES
+from tuning.full_process import FullProcess
 from tuning.profiles import Profile
 from tuning.verification import Verification, Worst
 
@@ -51,7 +54,7 @@ def numbers(values: Real) -> Json:
 
 def process_body(process: Process) -> Body:
     """A process with its kind and its parameters."""
-    return {"kind": type(process).__name__, **asdict(process)}
+    return {"kind": type(process).__name__, **process_parameters(process)}
 
 
 def margins_body(margins: Margins) -> Body:
@@ -148,7 +151,25 @@ def tuning_body(tuning: Tuning) -> Body:
         "status": proposal.status,
         "notes": list(proposal.notes),
         **(unverified if found is None else verification_body(found)),
+        "passes": tuning.passes,
+        "full_process": None if tuning.full is None else full_process_body(tuning.full),
     }
+
+
+def full_process_body(full: FullProcess) -> Body:
+    """What settings from a low-order model keep on the process it stands for."""
+    return {
+        "model": type(full.reduction.model).__name__,
+        "stable": full.stable,
+        "margins": margins_body(full.margins),
+        "passes": full.passes,
+        "verdict": full.sentence,
+    }
+
+
+def reduction_body(reduction: Reduction) -> Body:
+    """A low-order model by the half rule, and what it neglects."""
+    return {"model": process_body(reduction.model), "neglected": list(reduction.steps)}
 
 
 def refusal_body(tuning: Tuning) -> Body:
@@ -258,7 +279,10 @@ def structure_body(candidate: Candidate) -> Body:
 
 def process_parameters(process: Process) -> Body:
     """The parameters of a model by name."""
-    return {name: number(value) for name, value in asdict(process).items()}
+    return {
+        name: [number(c) for c in value] if isinstance(value, tuple) else number(value)
+        for name, value in asdict(process).items()
+    }
 
 
 def residual_body(colour: Colour) -> Body:
@@ -349,15 +373,18 @@ def case_body(case: TuningCase) -> Body:
     case : TuningCase
         What `advice.tune` answered.
     """
-    best = case.best
+    best, following = case.best, after(case)
     running: Body | None = None
     if case.running is not None:
         running = {**settings_body(case.running)}
         if case.running_verification is not None:
             running |= verification_body(case.running_verification)
+        if case.running_full is not None:
+            running["full_process"] = full_process_body(case.running_full)
     return {
         "data": None if case.record is None else data_body(case.record),
         "process": None if case.process is None else process_body(case.process),
+        "reductions": [reduction_body(reduction) for reduction in case.reductions],
         "model": case_model_body(case),
         "profile": profile_body(case.profile),
         "tunings": [tuning_body(t) for t in case.tunings if t.proposal.pid is not None],
@@ -365,4 +392,5 @@ def case_body(case: TuningCase) -> Body:
         "recommended": None if best is None else tuning_body(best),
         "recommended_reason": case.recommended_reason,
         "running": running,
+        "next_test": None if following is None else next_test_body(following),
     }

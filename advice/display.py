@@ -86,10 +86,11 @@ def row_of(tuning: Tuning, *, best: bool) -> Row:
         raise ValueError("a refusal has no settings to print")
     margins = ("–",) * 5
     verdict = "not verified"
-    if found is not None and not found.stable:
+    full = tuning.full
+    if found is not None and not (found.stable and (full is None or full.stable)):
         verdict = "unstable"
     elif found is not None:
-        nominal = found.nominal
+        nominal = found.nominal if full is None else full.margins
         margins = (
             decibels(nominal.gain),
             digits(nominal.phase, 3),
@@ -97,7 +98,7 @@ def row_of(tuning: Tuning, *, best: bool) -> Row:
             digits(nominal.Ms, 3),
             digits(found.worst["Ms"].value, 3),
         )
-        verdict = "passes" if found.passes else "fails"
+        verdict = "passes" if tuning.passes else "fails"
     return Row(
         name=rule_name(tuning.proposal),
         Kc=digits(pid.Kc),

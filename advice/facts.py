@@ -65,9 +65,13 @@ def model_facts(case: TuningCase) -> Facts:
 def _stated(process: Process) -> Facts:
     return [
         ("process", type(process).__name__),
-        *((name, digits(getattr(process, name))) for name in process.__dataclass_fields__),
+        *((name, _parameter(getattr(process, name))) for name in process.__dataclass_fields__),
         ("verdict", "stated, not identified"),
     ]
+
+
+def _parameter(value: float | tuple[float, ...]) -> str:
+    return ", ".join(map(digits, value)) if isinstance(value, tuple) else digits(value)
 
 
 def _identified(model: Identification, record: Record | None) -> Facts:

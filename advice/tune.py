@@ -16,15 +16,27 @@ from identification.relay import looks_like_relay
 from identification.relay_model import RelayModel, relay_model
 from loop.controller import PID, Action
 from loop.errors import NoLimitCycle
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
+from loop.half_rule import Reduction
+from loop.process import (
+    FOPDT,
+    IPDT,
+    SOPDT,
+    DoubleIntegrator,
+    Process,
+    PureDelay,
+    TransferFunction,
+    gain_sign,
+)
 from loop.record import Record
-from tuning.answer import Tuning, tunings
+from tuning.answer import Tuning, Tunings, tunings
+from tuning.full_process import FullProcess, on_full_process, simplest
 from tuning.profiles import DEFAULT_PROFILE, Profile, profile_named
 from tuning.proposals import tune_from_ultimate
 from tuning.ultimate import UltimatePoint
 from tuning.verification import Verification, verify
 
 TunedProcess = FOPDT | SOPDT | IPDT | DoubleIntegrator
+StatedProcess = TunedProcess | PureDelay | TransferFunction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,8 +53,8 @@ class TuningCase:
         What the data say of the process; None where it was given.
     relay : RelayModel or None
         Cycles, ultimate gain and period, for a relay test.
-    process : FOPDT, SOPDT, IPDT, DoubleIntegrator or None
-        Model that was tuned; None where the data carry none.
+    process : Process or None
+        Process that was tuned; None where the data carry none.
     tunings : tuple of Tuning
         Every rule's answer.
     recommended : int or None
@@ -53,18 +65,24 @@ class TuningCase:
         Settings in the controller now, where they are known.
     running_verification : Verification or None
         What those keep on the model.
+    reductions : tuple of Reduction
+        Low-order models that stood for the process; empty where the rules take it as it is.
+    running_full : FullProcess or None
+        What the running settings keep on the process itself, where that was reduced.
     """
 
     profile: Profile
     record: Record | None
     model: Identification | None
     relay: RelayModel | None
-    process: TunedProcess | None
+    process: Process | None
     tunings: tuple[Tuning, ...]
     recommended: int | None
     recommended_reason: str
     running: PID | None = None
     running_verification: Verification | None = None
+    reductions: tuple[Reduction, ...] = ()
+    running_full: FullProcess | None = None
 
     @property
     def refused(self) -> bool:
@@ -141,7 +159,7 @@ def tune(
 
 
 def tune_process(
-    process: TunedProcess,
+    process: Process,
     *,
     profile: str = DEFAULT_PROFILE,
     tau_c: float | None = None,
@@ -152,8 +170,9 @@ def tune_process(
 
     Parameters
     ----------
-    process : FOPDT, SOPDT, IPDT or DoubleIntegrator
-        Process model.
+    process : Process
+        Process model. One of any order is reduced by the half rule for the rules, and the settings
+        are held to the process itself as well.
     profile : str
         Name of the target profile.
     tau_c : float, optional
@@ -165,16 +184,18 @@ def tune_process(
 
     Raises
     ------
+    RuleNotApplicable
+        The process is unstable, oscillates or has complex zeros: no published rule covers it.
     ValueError
         The profile, tau_c or the scan time cannot be.
     """
     return _tuned(
-        process, profile_named(profile), tau_c=tau_c, scan_time=scan_time, running=running
+        simplest(process), profile_named(profile), tau_c=tau_c, scan_time=scan_time, running=running
     )
 
 
 def _tuned(
-    process: TunedProcess,
+    process: Process,
     profile: Profile,
     *,
     tau_c: float | None,
@@ -186,10 +207,11 @@ def _tuned(
 ) -> TuningCase:
     if running is not None:
         # A loop that runs has the right action; only its numbers are in question.
-        running = replace(running, action=Action.for_gain(process.K))
+        running = replace(running, action=Action.for_gain(gain_sign(process)))
     answer = tunings(process, profile, tau_c=tau_c, sample_time=scan_time)
     if record is not None and model is not None:
         answer = for_all_readings(answer, process, record, model, scan_time)
+    verification, full = _kept(process, running, answer, scan_time)
     return TuningCase(
         profile=profile,
         record=record,
@@ -200,10 +222,24 @@ def _tuned(
         recommended=answer.recommendation.index,
         recommended_reason=answer.recommendation.reason,
         running=running,
-        running_verification=None
-        if running is None
-        else verify(process, running, profile, sample_time=scan_time),
+        running_verification=verification,
+        reductions=answer.reductions,
+        running_full=full,
     )
+
+
+def _kept(
+    process: Process, running: PID | None, answer: Tunings, scan_time: float
+) -> tuple[Verification | None, FullProcess | None]:
+    """What the running settings keep: on the model that rules have, and on the process itself."""
+    if running is None:
+        return None, None
+    if not answer.reductions:
+        return verify(process, running, answer.profile, sample_time=scan_time), None
+    closest = answer.reductions[-1]
+    (full,) = on_full_process(process, [(running, closest)], answer.profile, sample_time=scan_time)
+    on_model = verify(closest.model, running, answer.profile, sample_time=scan_time)
+    return on_model, full
 
 
 def _from_relay(

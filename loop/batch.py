@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from loop.controller import DEFAULT_N, PID
-from loop.process import FOPDT, IPDT, LARGEST, SMALLEST, SOPDT, DoubleIntegrator
+from loop.process import FOPDT, IPDT, LARGEST, SMALLEST, SOPDT, DoubleIntegrator, PureDelay
 from loop.signals import Flags, Real
 
-LagProcess: TypeAlias = FOPDT | SOPDT | IPDT | DoubleIntegrator
+LagProcess: TypeAlias = FOPDT | SOPDT | IPDT | DoubleIntegrator | PureDelay
 Counts: TypeAlias = npt.NDArray[np.integer[Any]]
 
 
@@ -81,7 +81,7 @@ class ProcessBatch:
 
         Parameters
         ----------
-        process : FOPDT, SOPDT, IPDT or DoubleIntegrator
+        process : FOPDT, SOPDT, IPDT, DoubleIntegrator or PureDelay
             Process model.
 
         Raises
@@ -98,6 +98,8 @@ class ProcessBatch:
                 lags, integrators = (0.0, 0.0), 1
             case DoubleIntegrator():
                 lags, integrators = (0.0, 0.0), 2
+            case PureDelay():
+                lags, integrators = (0.0, 0.0), 0
             case _:
                 raise ValueError(
                     "a batch holds lags and integrators, not a general transfer function"

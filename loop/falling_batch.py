@@ -2,7 +2,9 @@
 
 Then there is one gain crossover, and the loop is stable exactly if the phase there is above -180°.
 The first phase crossover above it bounds the gain. That no other lies below is proven between
-neighbouring points, and what cannot be proven is handed back to the full scan.
+neighbouring points, and what cannot be proven is handed back to the full scan. A loop without
+integrator whose gain starts below 1 has no gain crossover and is stable; its first phase crossover
+bounds the gain just so.
 """
 
 import math
@@ -80,6 +82,11 @@ class _Shape:
             tuple(change(T2) for T2 in self.squares),
         )
 
+    @property
+    def weak(self) -> Flags:
+        """Loops whose falling gain is below 1 from the start."""
+        return np.asarray((self.order == 0) & (self.log_k < 0))
+
     def lead(self, w: Real, x: Real) -> Real:
         """Phase that the zeros add. [rad]"""
         return np.arctan2(self.b * w, 1 - self.c * x)
@@ -133,7 +140,7 @@ def falling_margins(loops: LagLoops) -> tuple[MarginBatch, Flags]:
     rows = np.flatnonzero(_falls(loops))
     if rows.size:
         shape = _Shape.of(loops if rows.size == n else loops.take(rows))
-        w, crossed = _gain_crossover(shape)
+        w, crossed = _anchor(shape)
         above = shape.above(w, w * w)
         proven[rows[crossed & (above < ON_THE_AXIS)]] = True
         kept = np.flatnonzero(crossed & (above >= ON_THE_AXIS))
@@ -144,6 +151,8 @@ def falling_margins(loops: LagLoops) -> tuple[MarginBatch, Flags]:
             found = _stable_margins(shape, w, above)
             gain[rows], phase[rows], delay[rows], Ms[rows], Mt[rows], proven[rows] = found
             delay[rows] *= loops.theta[rows]
+            weak = rows[shape.weak]
+            phase[weak], delay[weak] = math.inf, math.inf
             stable[rows] = True
     margins = MarginBatch(
         stable=stable,
@@ -178,8 +187,25 @@ def _falls(loops: LagLoops) -> Flags:
         & (loops.sign > 0)
         & (loops.excess >= 1)
         & (loops.order <= 2)
-        & ((loops.order >= 1) | (loops.log_k > ON_THE_AXIS))
+        & ((loops.order >= 1) | (np.abs(loops.log_k) > ON_THE_AXIS))
     )
+
+
+def _anchor(shape: _Shape) -> tuple[Real, Flags]:
+    """A frequency below the first phase crossover, and whether it was found.
+
+    That is the gain crossover or, where the gain is below 1 everywhere, one at which lags and dead
+    time take 1 rad at most.
+    """
+    weak = shape.weak
+    if not weak.any():
+        return _gain_crossover(shape)
+    w = 1 / (1 + sum(shape.lags, np.zeros(weak.size)))
+    crossed = weak.copy()
+    strong = np.flatnonzero(~weak)
+    if strong.size:
+        w[strong], crossed[strong] = _gain_crossover(shape.arranged(lambda a: a[strong]))
+    return w, crossed
 
 
 def _gain_crossover(shape: _Shape) -> tuple[Real, Flags]:

@@ -233,9 +233,9 @@ def _without_numerator(chain: LagChain, tau_c: float) -> tuple[float, list[float
 
 
 def _partner(lead: float, lags: list[float]) -> float:
-    """The lag that the lead is cancelled against: the next longer, or a shorter one that is close."""
-    longer = min((T for T in lags if T >= lead), default=None)
-    shorter = max((T for T in lags if T < lead), default=None)
+    """The lag to cancel a lead against: the next longer, or a shorter one that is close."""
+    longer = min((lag for lag in lags if lag >= lead), default=None)
+    shorter = max((lag for lag in lags if lag < lead), default=None)
     if longer is None and shorter is None:
         raise RuleNotApplicable(
             TITLE, f"no lag is left to cancel the numerator time constant of {lead:g} s against"

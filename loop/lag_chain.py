@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from loop.errors import RuleNotApplicable
 from loop.factors import polynomial_roots
-from loop.process import FOPDT, SOPDT, Process
+from loop.process import FOPDT, SOPDT, Polynomial, Process
 from loop.signals import Complex
 
 TITLE = "The half rule"
@@ -13,6 +15,8 @@ TITLE = "The half rule"
 LEAST_DAMPING, REAL_DAMPING = 0.5, 0.99
 # A real part this small beside the size of a root is rounding.
 ROUNDING = 1e-9
+# Roots this close together, relative to their size, may be one.
+SCATTER = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,8 +84,8 @@ def lag_chain(process: Process) -> LagChain:
 
 
 def _factored(process: Process) -> LagChain:
-    zeros = polynomial_roots(process.numerator)
-    poles = polynomial_roots(process.denominator)
+    zeros = _merged(polynomial_roots(process.numerator), process.numerator)
+    poles = _merged(polynomial_roots(process.denominator), process.denominator)
     integrators = int((poles == 0).sum())
     if (zeros == 0).any():
         raise RuleNotApplicable(TITLE, "the process passes no constants (a zero at s = 0)")
@@ -108,6 +112,25 @@ def _factored(process: Process) -> LagChain:
         theta=process.theta,
         remarks=tuple(remarks),
     )
+
+
+def _merged(roots: Complex, polynomial: Polynomial) -> Complex:
+    """Multiple roots as one number, where the polynomial is still the same with them.
+
+    Rounding scatters the m copies of a root by the m-th root of it, but not their mean.
+    """
+    if roots.size < 2:
+        return roots
+    left, groups = sorted(roots, key=abs), []
+    while left:
+        near = [r for r in left if abs(r - left[0]) <= SCATTER * abs(left[0])]
+        left = [r for r in left if abs(r - left[0]) > SCATTER * abs(left[0])]
+        groups.append(near)
+    merged = np.concatenate([np.full(len(g), np.mean(g)) for g in groups])
+    real = np.abs(merged.imag) <= ROUNDING * np.abs(merged)
+    merged = np.where(real, merged.real, merged)
+    rebuilt = polynomial[0] * np.real(np.poly(merged))
+    return merged if np.allclose(rebuilt, polynomial, rtol=1e-9, atol=0) else roots
 
 
 def _time(value: float) -> float:

@@ -1,7 +1,8 @@
 """Open loops of PID controllers around lags and integrators, many at once.
 
-L(jw) = sign k (1 + b s + c s^2) e^(-theta s) / (s^order prod(T s + 1)): magnitude, unwrapped phase
-and their slopes in closed form, free of overflow over the whole range of legal parameters.
+L(jw) = sign k (1 + b s + c s^2) prod(T0 s + 1) e^(-theta s) / (s^order prod(T s + 1)): magnitude,
+unwrapped phase and their slopes in closed form, free of overflow over the whole range of legal
+parameters.
 """
 
 import math
@@ -34,6 +35,8 @@ class LagLoops:
         Time constants of process, derivative filter and controller lag; 0 for none. [s]
     theta : ndarray of float
         Dead time. [s]
+    leads : tuple of ndarray of float
+        Numerator time constants T0 of the process, negative for zeros in the right half-plane. [s]
     """
 
     sign: Real
@@ -43,6 +46,7 @@ class LagLoops:
     c: Real
     lags: tuple[Real, ...]
     theta: Real
+    leads: tuple[Real, ...] = ()
 
     @classmethod
     def of(
@@ -107,6 +111,7 @@ class LagLoops:
             c=self.c[rows],
             lags=tuple(T[rows] for T in self.lags),
             theta=self.theta[rows],
+            leads=tuple(T[rows] for T in self.leads),
         )
 
     def columns(self) -> Self:
@@ -116,7 +121,8 @@ class LagLoops:
     @property
     def zeros(self) -> Real:
         """Number of zeros. [-]"""
-        return np.where(self.c > 0, 2.0, np.where(self.b > 0, 1.0, 0.0))
+        own = np.where(self.c > 0, 2.0, np.where(self.b > 0, 1.0, 0.0))
+        return np.asarray(own + len(self.leads))
 
     @property
     def excess(self) -> Real:
@@ -128,7 +134,8 @@ class LagLoops:
         """Logarithm of |L| w^excess for w -> infinity. [-]"""
         lead = np.where(self.c > 0, self.c, np.where(self.b > 0, self.b, 1.0))
         lags = sum((np.log(np.where(T > 0, T, 1.0)) for T in self.lags), np.zeros_like(lead))
-        return np.asarray(self.log_k + np.log(lead) - lags)
+        leads = sum((np.log(np.abs(T)) for T in self.leads), np.zeros_like(lead))
+        return np.asarray(self.log_k + np.log(lead) + leads - lags)
 
     def log_gain(self, w: Real) -> Real:
         """Logarithm of |L(jw)|. [-]"""
@@ -136,6 +143,8 @@ class LagLoops:
         total = 2 * (self.log_k - self.order * np.log(w)) + np.log(self._zeros_square(x))
         for T in self.lags:
             total = total - np.log1p(T * T * x)
+        for T in self.leads:
+            total = total + np.log1p(T * T * x)
         return np.asarray(0.5 * total)
 
     def phase(self, w: Real) -> Real:
@@ -143,6 +152,8 @@ class LagLoops:
         turn = np.arctan2(self.b * w, 1 - self.c * w * w) - self.theta * w
         for T in self.lags:
             turn = turn - np.arctan(T * w)
+        for T in self.leads:
+            turn = turn + np.arctan(T * w)
         return np.asarray(turn + (0.5 * math.pi) * (self.sign - 1 - self.order))
 
     def gain_slope(self, w: Real) -> Real:
@@ -154,6 +165,9 @@ class LagLoops:
         for T in self.lags:
             bend = T * T * x
             slope = slope - bend / (1 + bend)
+        for T in self.leads:
+            bend = T * T * x
+            slope = slope + bend / (1 + bend)
         return np.asarray(slope)
 
     def phase_slope(self, w: Real) -> Real:
@@ -162,6 +176,8 @@ class LagLoops:
         slope = self.b * (1 + self.c * x) / self._zeros_square(x) - self.theta
         for T in self.lags:
             slope = slope - T / (1 + T * T * x)
+        for T in self.leads:
+            slope = slope + T / (1 + T * T * x)
         return np.asarray(slope * w)
 
     def _zeros_square(self, x: Real) -> Real:

@@ -119,6 +119,7 @@ def _start(loops: LagLoops) -> _Axis:
     with np.errstate(divide="ignore"):
         corners: list[Real] = [1 / T for T in (*loops.lags, loops.theta, loops.b, np.sqrt(loops.c))]
         corners.append(np.where(loops.c > 0, loops.b, math.inf) / np.where(loops.c, loops.c, 1.0))
+        corners += [1 / np.abs(T) for T in loops.leads]
         corners.append(_asymptote(loops.log_k, loops.order))
         corners.append(_asymptote(loops.log_k_high, loops.excess))
     table = np.stack(corners)

@@ -152,7 +152,7 @@ def failures(
             overrun=float(overruns[row, case, plant]),
             parameter=parameter,
             factor=factor,
-            sentence=_sentence(name, value, limit, sweep.where[plant]),
+            sentence=missed_limit(name, value, limit, sweep.where[plant]),
         )
 
     return [
@@ -170,7 +170,18 @@ def _overrun(name: str, values: Real, limits: Real) -> Real:
     return np.asarray(values / limits)
 
 
-def _sentence(name: str, value: float, limit: float, where: str) -> str:
+def missed_limit(name: str, value: float, limit: float, where: str = "") -> str:
+    """Say which margin misses its limit, by its numbers and the plant.
+
+    Parameters
+    ----------
+    name : str
+        Name of the margin.
+    value, limit : float
+        What it is, and what was asked for; they differ.
+    where : str
+        The plant in words.
+    """
     title, small_is_bad = MARGIN_NAMES[name]
     digits = 4
     while f"{value:.{digits}g}" == f"{limit:.{digits}g}":  # they differ, so this ends
@@ -180,7 +191,8 @@ def _sentence(name: str, value: float, limit: float, where: str) -> str:
         shown, asked = f"{shown} ({decibels(value)})", f"{asked} ({decibels(limit)})"
     unit = {"phase": "°", "delay": " s"}.get(name, "")
     subject, side = (f"the {title}", "below") if small_is_bad else (title, "above")
-    return f"{subject} is {shown}{unit} {where}, {side} {asked}{unit}"
+    place = f" {where}" if where else ""
+    return f"{subject} is {shown}{unit}{place}, {side} {asked}{unit}"
 
 
 def decibels(gain: float) -> str:

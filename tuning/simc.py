@@ -19,12 +19,22 @@ from types import MappingProxyType
 
 from loop.controller import PID, Action
 from loop.errors import RuleNotApplicable
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process, TransferFunction
+from loop.process import (
+    FOPDT,
+    IPDT,
+    SOPDT,
+    DoubleIntegrator,
+    Process,
+    PureDelay,
+    TransferFunction,
+)
 from tuning.rule import Rule, accept, chosen_tau_c, refuse_type
 from tuning.series_form import series_to_isa
 
 TITLE = "SIMC"
 FILTER, DOUBLE_INTEGRATOR_FILTER = 0.05, 0.01
+# Pure integral control in the ISA form: a PI whose Ti is so short that its zero does not matter.
+NO_LAG = 1e-3
 
 
 def default_tau_c(process: Process) -> float:
@@ -37,10 +47,11 @@ def simc_pi(process: Process, tau_c: float | None = None) -> PID:
 
     First order: Kc = tau/(K (tau_c + theta)), Ti = min(tau, 4 (tau_c + theta)).
     Integrating: Kc = 1/(K (tau_c + theta)), Ti = 4 (tau_c + theta).
+    Pure delay: Kc/Ti = 1/(K (tau_c + theta)), integral control; here with Ti = 0.001 theta.
 
     Parameters
     ----------
-    process : FOPDT or IPDT
+    process : FOPDT, IPDT or PureDelay
         Process model. [s]
     tau_c : float, optional
         Desired closed-loop time constant. Default: theta. [s]
@@ -61,8 +72,10 @@ def simc_pi(process: Process, tau_c: float | None = None) -> PID:
             slope, lag = abs(process.K) / tau, tau
         case IPDT():
             slope, lag = abs(process.K), math.inf
+        case PureDelay(theta=theta):
+            slope, lag = abs(process.K) / (NO_LAG * theta), NO_LAG * theta
         case _:
-            raise refuse_type(process, ("FOPDT", "IPDT"), "SIMC PI")
+            raise refuse_type(process, ("FOPDT", "IPDT", "PureDelay"), "SIMC PI")
     wait = chosen_tau_c(tau_c, default_tau_c(process), "SIMC PI") + process.theta
     return PID(
         Kc=1 / (slope * wait),
@@ -240,6 +253,11 @@ def notes(structure: str, process: Process, tau_c: float | None) -> tuple[str, .
             f"faster than recommended: tau_c/theta is {tau_c / process.theta:.3g}, "
             "the recommendation is 1 or more"
         )
+    if isinstance(process, PureDelay):
+        said.append(
+            f"published as pure integral control, Kc/Ti alone; Ti is {NO_LAG:g} theta because the "
+            "ISA form has no other way to write it"
+        )
     if structure == "PID":
         alpha = DOUBLE_INTEGRATOR_FILTER if isinstance(process, DoubleIntegrator) else FILTER
         said.append(
@@ -259,7 +277,10 @@ RULE = Rule(
     validity="tau_c >= theta",
     structures=MappingProxyType({"PI": simc_pi, "PID": simc_pid}),
     takes=MappingProxyType(
-        {"PI": ("FOPDT", "IPDT"), "PID": ("SOPDT", "DoubleIntegrator", "TransferFunction")}
+        {
+            "PI": ("FOPDT", "IPDT", "PureDelay"),
+            "PID": ("SOPDT", "DoubleIntegrator", "TransferFunction"),
+        }
     ),
     notes=notes,
     tau_c_text="theta",

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 from loop.batch import ProcessBatch
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process, PureDelay
 from loop.signals import Real
 from tuning.simc import integrator_with_lag
 
@@ -53,7 +53,7 @@ def sweep_of(
 
     Parameters
     ----------
-    process : FOPDT, SOPDT, IPDT, DoubleIntegrator or TransferFunction
+    process : FOPDT, SOPDT, IPDT, DoubleIntegrator, PureDelay or TransferFunction
         Process model; a transfer function must be K/(s (tau2 s + 1)). [s]
     factors : tuple of float
         Factors of the one-at-a-time sweep. [-]
@@ -115,6 +115,8 @@ def _parameters(process: Process) -> tuple[dict[str, float], dict[str, str], int
             lags, names, integrators = {}, {}, 1
         case DoubleIntegrator(K=K):
             lags, names, integrators = {}, {}, 2
+        case PureDelay(K=K):
+            lags, names, integrators = {}, {}, 0
         case _:
             K, tau = integrator_with_lag(process, "The ±50 % verification")
             lags, names, integrators = {"tau1": tau}, {"tau2": "tau1"}, 1

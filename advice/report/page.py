@@ -11,7 +11,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from advice.display import decibels, digits, row_of, rule_name, settings_of
 from advice.facts import data_facts, gain_unit, model_facts, op_unit, pv_unit
+from advice.next_test import after, next_test_sentences
 from advice.report.drawing import Figure
+from advice.report.fan_figures import fan_figures
 from advice.report.fit_figures import fit, residual
 from advice.report.loop_figures import (
     Candidate,
@@ -67,7 +69,7 @@ def report_page(case: TuningCase, *, title: str, generated: str = "") -> str:
     generated : str
         When and by whom, in words; empty for neither.
     """
-    sections = _sections(case)
+    sections, following = _sections(case), after(case)
     numbered = {
         item["id"]: item["figure"]
         for section in sections
@@ -82,6 +84,7 @@ def report_page(case: TuningCase, *, title: str, generated: str = "") -> str:
         data=[] if case.record is None else data_facts(case.record),
         model=[fact for fact in model_facts(case) if fact[0] != "because"],
         model_reasons=[text for name, text in model_facts(case) if name == "because"],
+        next_test=[] if following is None else next_test_sentences(following),
         figures=sections,
         responses=_response_table(case),
         rows=[
@@ -185,6 +188,9 @@ def _sections(case: TuningCase) -> list[Section]:
                 ),
             )
         )
+        fans = fan_figures(case, stable, set_point=set_point, load=load, pv=pv)
+        if fans:
+            sections.append(_section("Responses on uncertain processes", **fans))
     if case.best is not None and case.best.verification is not None:
         caption = "Margins of the recommended settings when one parameter of the model is off."
         sections.append(
@@ -214,9 +220,10 @@ def event_sizes(case: TuningCase) -> tuple[float, float]:
 
     A tenth of the test's largest move stays well within the limits that the simulation leaves out.
     """
-    if case.model is not None and case.process is not None and case.model.steps:
-        op = 0.1 * max(abs(reading.step.size) for reading in case.model.steps)
-        return abs(case.process.K) * op, op
+    model = case.model
+    if model is not None and model.process is not None and model.steps:
+        op = 0.1 * max(abs(reading.step.size) for reading in model.steps)
+        return abs(model.process.K) * op, op
     return 1.0, 1.0
 
 

@@ -7,8 +7,15 @@ from uuid import UUID
 
 from pydantic import ConfigDict, Field, TypeAdapter, model_validator
 
-from advice.tune import TunedProcess
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
+from advice.tune import StatedProcess
+from loop.process import (
+    FOPDT,
+    IPDT,
+    SOPDT,
+    DoubleIntegrator,
+    PureDelay,
+    TransferFunction,
+)
 from service.errors import InvalidRequest
 from service.schemas import Answer, Strict
 from service.units import Quantity, Seconds, SecondsOrNone
@@ -17,6 +24,12 @@ from service.units import Quantity, Seconds, SecondsOrNone
 Id: TypeAlias = Annotated[UUID, Field(strict=False)]
 Moment: TypeAlias = Annotated[datetime, Field(strict=False)]
 Verdict: TypeAlias = Literal["trusted", "use with care", "refused", "stated"]
+
+# High enough for every plant model worth a PID; roots of longer polynomials lose their digits.
+MOST_COEFFICIENTS = 16
+Coefficients: TypeAlias = Annotated[
+    list[Quantity], Field(min_length=1, max_length=MOST_COEFFICIENTS)
+]
 
 
 class _Stated(Strict):
@@ -63,14 +76,50 @@ class DoubleIntegratorBody(_Stated):
     theta: SecondsOrNone = Field(description="Dead time. [s]")
 
 
+class PureDelayBody(_Stated):
+    """Gain plus dead time and nothing else, K e^(-theta s)."""
+
+    kind: Literal["PureDelay"]
+    K: Quantity = Field(description="Steady-state gain. [PV/OP]")
+    theta: Seconds = Field(description="Dead time. [s]")
+
+
+class IntegratorWithLagBody(_Stated):
+    """Integrator with a lag plus dead time, K e^(-theta s)/(s (tau s + 1))."""
+
+    kind: Literal["IntegratorWithLag"]
+    K: Quantity = Field(description="Slope of PV per unit of OP, in the end. [PV/OP/s]")
+    tau: Seconds = Field(description="Time constant. [s]")
+    theta: SecondsOrNone = Field(description="Dead time. [s]")
+
+
+class TransferFunctionBody(_Stated):
+    """Any proper rational process plus dead time; stable or integrating, or no rule covers it."""
+
+    kind: Literal["TransferFunction"]
+    numerator: Coefficients = Field(description="Coefficients, highest power first. [time in s]")
+    denominator: Coefficients = Field(description="Coefficients, highest power first. [time in s]")
+    theta: SecondsOrNone = Field(description="Dead time. [s]")
+
+
 ProcessBody: TypeAlias = Annotated[
     FOPDTBody | SOPDTBody | IPDTBody | DoubleIntegratorBody, Field(discriminator="kind")
 ]
+AnyProcessBody: TypeAlias = Annotated[
+    FOPDTBody
+    | SOPDTBody
+    | IPDTBody
+    | DoubleIntegratorBody
+    | PureDelayBody
+    | IntegratorWithLagBody
+    | TransferFunctionBody,
+    Field(discriminator="kind"),
+]
 
-_PROCESS: TypeAdapter[_Stated] = TypeAdapter(ProcessBody)
+_PROCESS: TypeAdapter[_Stated] = TypeAdapter(AnyProcessBody)
 
 
-def stated_process(body: _Stated) -> TunedProcess:
+def stated_process(body: _Stated) -> StatedProcess:
     """Turn a stated process into the engineering model.
 
     Raises
@@ -86,11 +135,17 @@ def stated_process(body: _Stated) -> TunedProcess:
             return SOPDT(**values)
         case IPDTBody():
             return IPDT(**values)
+        case PureDelayBody():
+            return PureDelay(**values)
+        case IntegratorWithLagBody():
+            return TransferFunction((body.K,), (body.tau, 1.0, 0.0), body.theta)
+        case TransferFunctionBody():
+            return TransferFunction(tuple(body.numerator), tuple(body.denominator), body.theta)
         case _:
             return DoubleIntegrator(**values)
 
 
-def process_from(kind: str, parameters: Mapping[str, object]) -> TunedProcess:
+def process_from(kind: str, parameters: Mapping[str, object]) -> StatedProcess:
     """Read a stored process."""
     return stated_process(_PROCESS.validate_python({"kind": kind, **parameters}))
 
@@ -119,7 +174,7 @@ class NewModel(Strict):
     op_before: Quantity | None = Field(
         None, description="Output before the first row, if the step is at that row. [OP]"
     )
-    process: ProcessBody | None = Field(None, description="The process, if it is known already.")
+    process: AnyProcessBody | None = Field(None, description="The process, if it is known already.")
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -145,7 +200,7 @@ class ModelBody(Answer):
     id: UUID
     loop_id: UUID
     record_id: UUID | None
-    kind: str | None = Field(description="FOPDT, SOPDT, IPDT, DoubleIntegrator, or null.")
+    kind: str | None = Field(description="FOPDT, SOPDT, IPDT and so on, or null.")
     verdict: Verdict
     reasons: list[str]
     created_at: datetime

@@ -6,7 +6,7 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from advice.body import Body, case_body
-from advice.tune import TunedProcess, TuningCase, tune_process
+from advice.tune import StatedProcess, TuningCase, tune_process
 from loop.controller import PID, Action
 from loop.errors import FitNotTrusted, LoopError
 from loop.process import gain_sign
@@ -104,7 +104,7 @@ def tune_many(wanted: TuneProcesses) -> list[Body]:
 
 
 def _case(
-    process: TunedProcess, wanted: TuneLoop | TuneProcess | TuneProcesses, loop: LoopRow | None
+    process: StatedProcess, wanted: TuneLoop | TuneProcess | TuneProcesses, loop: LoopRow | None
 ) -> Body:
     profile = wanted.profile or (loop.profile if loop else "general")
     scan_time = wanted.scan_time
@@ -123,7 +123,7 @@ def _case(
     return case_body(case)
 
 
-def _running(stated: RunningBody | None, process: TunedProcess) -> PID | None:
+def _running(stated: RunningBody | None, process: StatedProcess) -> PID | None:
     if stated is None:
         return None
     return PID(

@@ -7,7 +7,7 @@ from uuid import UUID
 from pydantic import ConfigDict, Field, model_validator
 
 from service.loops.schemas import ProfileName
-from service.models.schemas import Id, ProcessBody
+from service.models.schemas import AnyProcessBody, Id
 from service.schemas import Answer, Strict
 from service.units import Positive, Seconds, SecondsOrNone
 
@@ -40,7 +40,7 @@ class TuneLoop(_Wishes):
     """Ask for verified settings of a loop, on a stored model or on a stated process."""
 
     model_id: Id | None = Field(None, description="Model of this loop.")
-    process: ProcessBody | None = Field(None, description="The process, if it is known already.")
+    process: AnyProcessBody | None = Field(None, description="The process, if it is known already.")
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -52,13 +52,13 @@ class TuneLoop(_Wishes):
 class TuneProcess(_Wishes):
     """Ask for verified settings of a process, without a loop; nothing is stored."""
 
-    process: ProcessBody
+    process: AnyProcessBody
 
 
 class TuneProcesses(_Wishes):
     """Ask for verified settings of many processes; nothing is stored."""
 
-    processes: Annotated[list[ProcessBody], Field(min_length=1, max_length=MOST_PROCESSES)]
+    processes: Annotated[list[AnyProcessBody], Field(min_length=1, max_length=MOST_PROCESSES)]
 
 
 class MarginsBody(Answer):

@@ -10,7 +10,15 @@ from hypothesis import strategies as st
 
 from loop.controller import PID, Action
 from loop.errors import RuleNotApplicable
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process, TransferFunction
+from loop.process import (
+    FOPDT,
+    IPDT,
+    SOPDT,
+    DoubleIntegrator,
+    Process,
+    PureDelay,
+    TransferFunction,
+)
 from tuning.catalogue import RULES
 from tuning.rule import Rule
 
@@ -27,6 +35,8 @@ def process_of(kind: str, K: float, tau: float, theta: float) -> Process:
             return SOPDT(K=K, tau1=tau, tau2=tau / 5, theta=theta)
         case "IPDT":
             return IPDT(K=K / tau, theta=theta)
+        case "PureDelay":
+            return PureDelay(K=K, theta=theta)
         case "DoubleIntegrator":
             return DoubleIntegrator(K=K / tau**2, theta=theta)
         case _:
@@ -110,7 +120,14 @@ def test_no_rule_depends_on_the_choice_of_units(
 
 @pytest.mark.parametrize(("rule", "structure"), COLUMNS, ids=IDS)
 def test_the_rule_takes_exactly_the_process_types_it_names(rule: Rule, structure: str) -> None:
-    for kind in ("FOPDT", "SOPDT", "IPDT", "DoubleIntegrator", "TransferFunction"):
+    for kind in (
+        "FOPDT",
+        "SOPDT",
+        "IPDT",
+        "DoubleIntegrator",
+        "PureDelay",
+        "TransferFunction",
+    ):
         process = process_of(kind, 2.0, 10.0, 5.0)
         if kind in rule.takes[structure]:
             assert isinstance(rule.structures[structure](process), PID)
@@ -122,7 +139,8 @@ def test_the_rule_takes_exactly_the_process_types_it_names(rule: Rule, structure
 
 @pytest.mark.parametrize(("rule", "structure"), COLUMNS, ids=IDS)
 def test_without_dead_time_a_rule_refuses_or_needs_none(rule: Rule, structure: str) -> None:
-    for process in taken(rule, structure, 2.0, 10.0, 0.0):
+    kinds = [kind for kind in rule.takes[structure] if kind != "PureDelay"]
+    for process in [process_of(kind, 2.0, 10.0, 0.0) for kind in kinds]:
         if rule.name == "lambda_pi":
             assert rule.structures[structure](process).Kc == pytest.approx(0.5)
             continue

@@ -58,6 +58,7 @@ def test_the_page_of_a_rule_names_it_its_source_and_its_default_speed(rule: Rule
                     "chien-hrones-reswick",
                     "kappa-tau",
                     "minimum-error",
+                    "pure-delay",
                     "shinskey",
                     "usort",
                     "verification",

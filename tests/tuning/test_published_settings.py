@@ -8,7 +8,7 @@ import math
 import pytest
 
 from loop.controller import PID, Action
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, TransferFunction
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, PureDelay, TransferFunction
 from tuning.catalogue import RULES
 from tuning.imc import imc_improved_pi, imc_pid, imc_pid_with_lag
 from tuning.lambda_pi import lambda_integrating_pi, lambda_pi
@@ -191,6 +191,7 @@ def test_settings_of_a_negative_gain_take_the_direct_action() -> None:
             process = {
                 "FOPDT": FOPDT(K=-2.0, tau=10.0, theta=5.0),
                 "IPDT": IPDT(K=-0.5, theta=3.0),
+                "PureDelay": PureDelay(K=-2.0, theta=3.0),
                 "SOPDT": SOPDT(K=-2.0, tau1=10.0, tau2=1.0, theta=3.0),
             }[types[0]]
             pid = rule.structures[structure](process)
