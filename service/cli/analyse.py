@@ -126,10 +126,11 @@ def _poles(analysis: Analysis) -> list[str]:
     shown = analysis.poles.poles[analysis.poles.poles.imag >= 0][:MOST_POLES]
     sentences = []
     for pole in shown:
-        text = f"{pole.real:.5g}"
         if pole.imag:
-            text += f" ± {pole.imag:.5g}j, damping {-pole.real / abs(pole):.3g}"
-        sentences.append(f"{text} rad/s")
+            damping = -pole.real / abs(pole)
+            sentences.append(f"{pole.real:.5g} ± {pole.imag:.5g}j rad/s, damping {damping:.3g}")
+        else:
+            sentences.append(f"{pole.real:.5g} rad/s")
     if analysis.locus is not None:
         sentences += [
             f"On the axis at {w:.5g} rad/s with {k:.5g} times the gain."
@@ -161,5 +162,7 @@ def _task(analysis: Analysis) -> list[str]:
     sentences += [item.sentence for item in analysis.disturbances]
     sentences.append(analysis.beyond.sentence)
     for finding in analysis.beyond.findings:
-        sentences.append(f"{finding.sentence} What would help: {'; '.join(finding.helps)}.")
+        if finding.sentence not in sentences:
+            sentences.append(finding.sentence)
+        sentences.append(f"What would help: {'; '.join(finding.helps)}.")
     return sentences
