@@ -41,6 +41,8 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
             ("fopdt_fit", "FOPDT fit of a step test against scipy curve_fit and gekko", 100.0),
             ("fopdt_bound", "FOPDT fit of 1,000 tests against the Cramér-Rao bound", 60.0),
             ("simulation", "closed loop with limits against simple-pid, python-control", 40.0),
+            ("box_proof", "the proven worst case of boxes against 100,000 random plants", 60.0),
+            ("robust_choice", "load area at equal guaranteed Ms, every published rule", 60.0),
             ("tuning_request", "all rules with their sweeps for one process", 40.0),
             ("csv_import", "historian exports against pandas, pyarrow, polars", 320.0),
             ("http_tuning", "a tuning request through HTTP", 60.0),

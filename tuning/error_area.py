@@ -24,7 +24,7 @@ POINTS = 2048
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Shapes:
-    """PID controllers with gain 1 as arrays, 1 + 1/(Ti s) + Td s/(1 + Td s/N).
+    """PID controllers with gain 1 as arrays, (1 + 1/(Ti s) + Td s/(1 + Td s/N))/(tauF s + 1).
 
     Attributes
     ----------
@@ -32,16 +32,19 @@ class Shapes:
         Integral and derivative time. [s]
     N : float
         Derivative filter ratio. [-]
+    tauF : float
+        Lag in series. [s]
     """
 
     Ti: Real
     Td: Real
     N: float
+    tauF: float = 0.0
 
     def response(self, s: Complex) -> Complex:
         """Evaluate at points of shape (m, k) or (1, k)."""
         rate, Td = 1 / self.Ti[:, None], self.Td[:, None]
-        return np.asarray(1 + rate / s + Td * s / (1 + Td / self.N * s))
+        return np.asarray((1 + rate / s + Td * s / (1 + Td / self.N * s)) / (self.tauF * s + 1))
 
 
 def process_response(process: Process, s: Complex, hold: float) -> Complex:

@@ -5,14 +5,15 @@ and a plant that breaks them is taken into the set and the gain lowered. Over dr
 of them may miss the limits.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import product
 
 import numpy as np
 from scipy.stats import beta
 
+from loop.batch import LagProcess
 from loop.controller import DEFAULT_N
-from loop.process import FOPDT, Process, TransferFunction
+from loop.process import SOPDT, Process, TransferFunction
 from loop.signals import Real
 from tuning.box_proof import DEFAULT_ERRORS
 from tuning.box_verdict import BoxVerdict, hold_box
@@ -26,7 +27,7 @@ from tuning.uncertain_loop import Errors, error_sizes, moved_plant
 ROOM = 0.004
 ROUNDS = 8
 # Draws that the search looks at, those at the edge of what may be missed, and how often.
-EDGE, LOOKS = 8, 4
+EDGE, LOOKS, FEWEST = 8, 4, 20
 CONFIDENCE = 0.95
 
 
@@ -111,6 +112,7 @@ def optimal_over_box(
 
     Examples
     --------
+    >>> from loop.process import FOPDT
     >>> from tuning.profiles import PROFILES
     >>> heater = FOPDT(K=2.0, tau=120.0, theta=30.0)
     >>> found = optimal_over_box(heater, LoopLimits.of(PROFILES["general"]))
@@ -146,7 +148,7 @@ def optimal_over_box(
 
 
 def optimal_over_draws(
-    process: FOPDT,
+    process: LagProcess,
     draws: Real,
     limits: LoopLimits,
     *,
@@ -160,10 +162,11 @@ def optimal_over_draws(
 
     Parameters
     ----------
-    process : FOPDT
+    process : FOPDT, SOPDT, IPDT or DoubleIntegrator
         The model.
-    draws : ndarray, shape (n, 3)
-        Draws of (K, tau, theta), as identification makes them. [PV/OP], [s], [s]
+    draws : ndarray, shape (n, p)
+        Draws of the model's own parameters in their order, (K, tau, theta) of an FOPDT, as
+        identification makes them. [PV/OP], [s], [s]
     limits : LoopLimits
         What to keep.
     probability : float
@@ -176,14 +179,17 @@ def optimal_over_draws(
     RuleNotApplicable
         Nothing bounds the gain, or no settings keep the limits on so many draws.
     ValueError
-        There are fewer than 20 draws, one is no FOPDT, or the probability is out of range.
+        There are fewer than 20 draws, one is no such process, or the probability is out of range.
     """
     draws = np.asarray(draws, dtype=float)
-    if draws.ndim != 2 or draws.shape[1] != 3 or draws.shape[0] < 20:
-        raise ValueError(f"draws must be at least 20 rows of K, tau, theta, got {draws.shape}")
+    names = [item.name for item in fields(process)]
+    if draws.ndim != 2 or draws.shape[1] != len(names) or draws.shape[0] < FEWEST:
+        raise ValueError(
+            f"draws must be at least {FEWEST} rows of {', '.join(names)}, got {draws.shape}"
+        )
     if not 0.5 <= probability <= 1:
         raise ValueError(f"probability must lie within 0.5 and 1, got {probability}")
-    plants = tuple(FOPDT(K=K, tau=tau, theta=theta) for K, tau, theta in draws.tolist())
+    plants = tuple(_drawn(process, dict(zip(names, row, strict=True))) for row in draws.tolist())
     if any(plant.K * process.K < 0 for plant in plants):
         raise ValueError("draws of K have both signs: no controller serves both")
     search = Search.of(process, limits, structure, N, sample_time)
@@ -217,6 +223,16 @@ def optimal_over_draws(
         probability=1 - missed / n,
         at_least=float(beta.ppf(1 - CONFIDENCE, n - missed, missed + 1)),
     )
+
+
+def _drawn(process: LagProcess, values: dict[str, float]) -> LagProcess:
+    """A draw as a process of the model's kind, the longer time constant first."""
+    if isinstance(process, SOPDT):
+        values |= {
+            "tau1": max(values["tau1"], values["tau2"]),
+            "tau2": min(values["tau1"], values["tau2"]),
+        }
+    return type(process)(**values)
 
 
 def _on_grid(processes: list[Process], search: Search) -> PlantSet:

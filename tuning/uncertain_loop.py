@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from loop.controller import PID
 from loop.factors import FactoredLoop
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process, TransferFunction
+from loop.process import FOPDT, SOPDT, Process, TransferFunction
 from loop.signals import Complex, Real
 
 Places: TypeAlias = npt.NDArray[np.intp]
@@ -340,13 +340,13 @@ def moved_plant(process: Process, gain: float, lags: Real, theta: float) -> Proc
         case SOPDT():
             taus = sorted((process.tau1 * float(lags[0]), process.tau2 * float(lags[1])))
             return SOPDT(K=process.K * gain, tau1=taus[1], tau2=taus[0], theta=theta)
-        case IPDT() | DoubleIntegrator():
-            return replace(process, K=process.K * gain, theta=theta)
-    return TransferFunction(
-        _scaled(process.numerator, float(lags[0]), gain),
-        _scaled(process.denominator, float(lags[0]), 1.0),
-        theta,
-    )
+        case TransferFunction():
+            return TransferFunction(
+                _scaled(process.numerator, float(lags[0]), gain),
+                _scaled(process.denominator, float(lags[0]), 1.0),
+                theta,
+            )
+    return replace(process, K=process.K * gain, theta=theta)
 
 
 def _scaled(coefficients: tuple[float, ...], f: float, gain: float) -> tuple[float, ...]:

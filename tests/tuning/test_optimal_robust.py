@@ -106,6 +106,23 @@ def test_draws_without_spread_give_the_optimum_of_the_model() -> None:
     assert found.settings.load_IAE == pytest.approx(alone.load_IAE, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("process", "values"),
+    [
+        (SOPDT(K=2.0, tau1=120.0, tau2=100.0, theta=20.0), [2.0, 120.0, 100.0, 20.0]),
+        (IPDT(K=0.1, theta=5.0), [0.1, 5.0]),
+    ],
+)
+def test_draws_of_other_kinds_come_in_the_order_of_their_parameters(
+    process: SOPDT | IPDT, values: list[float]
+) -> None:
+    rng = np.random.default_rng(8)
+    draws = np.array(values) * np.exp(0.1 * rng.standard_normal((40, len(values))))
+    found = optimal_over_draws(process, draws, LIMITS, probability=0.9)
+    assert found.missed <= 4
+    assert found.settings.load_IAE > optimal(process, LIMITS).load_IAE
+
+
 def test_impossible_draws_are_refused_in_words() -> None:
     with pytest.raises(ValueError, match="at least 20 rows"):
         optimal_over_draws(HEATER, _draws()[:5], LIMITS)
