@@ -14,12 +14,13 @@ from monitoring.basis import Basis
 
 def assessment_body(assessment: Assessment) -> Body:
     """Turn an assessment into a JSON document; every field keeps its name."""
-    body = _fields(assessment)
+    body = fields_body(assessment)
     body["assessable"] = assessment.assessable
     return body
 
 
-def _fields(result: object) -> Body:
+def fields_body(result: object) -> Body:
+    """Turn any frozen result of monitoring into a JSON document; every field keeps its name."""
     items = fields(result)  # type: ignore[arg-type]
     return {item.name: _json(getattr(result, item.name)) for item in items}
 
@@ -43,7 +44,7 @@ def _json(value: object) -> Json:
         return value.isoformat().replace("+00:00", "Z")
     if isinstance(value, tuple):
         return _listed(value)
-    return _fields(value)
+    return fields_body(value)
 
 
 def _listed(values: tuple[object, ...]) -> Json:

@@ -61,6 +61,18 @@ class SheetDecided(ServiceError):
         self.sheet_status = status
 
 
+class NeverInForce(ServiceError):
+    """The sheet was never approved, so nothing changed with it."""
+
+    def __init__(self, version: int, status: str) -> None:
+        super().__init__(
+            f"Sheet version {version} is {status} and was never in force; there is nothing to "
+            "compare before and after it."
+        )
+        self.version = version
+        self.sheet_status = status
+
+
 class NotTheAuthor(ServiceError):
     """Only who wrote a draft may withdraw it."""
 

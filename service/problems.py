@@ -45,6 +45,7 @@ PROBLEMS: dict[type[Exception], Kind] = {
     errors.TagTaken: Kind(409, "tag-taken"),
     errors.LastAdminKey: Kind(409, "last-admin-key"),
     errors.SheetDecided: Kind(409, "sheet-decided"),
+    errors.NeverInForce: Kind(409, "never-in-force"),
     errors.BlockChanged: Kind(409, "block-changed"),
     errors.JobEnded: Kind(409, "job-ended"),
     errors.StaleVersion: Kind(412, "stale-version"),

@@ -1,5 +1,6 @@
 """HTTP routes of loop sheets."""
 
+from datetime import timedelta
 from typing import Annotated, TypeAlias
 from uuid import UUID
 
@@ -12,7 +13,9 @@ from service.database import Reading, Transaction
 from service.etags import IfMatch
 from service.listing import Cursor, Limit, cursor_after, number_of
 from service.loops.store import loop_with_id
+from service.samples import Samples
 from service.sheets import actions, store
+from service.sheets.effect import effect_of_sheet
 from service.sheets.evidence import canonical_body, stored_block
 from service.sheets.proposal import proposed_settings
 from service.sheets.schemas import (
@@ -23,9 +26,10 @@ from service.sheets.schemas import (
     Settings,
     SheetBody,
     SheetDiff,
+    SheetEffect,
     SheetPage,
 )
-from service.units import VersionNumber, Word
+from service.units import Moment, VersionNumber, Word
 
 router = APIRouter(prefix="/v1/loops/{loop_id}/sheets", tags=["sheets"])
 Version: TypeAlias = Annotated[VersionNumber, Path(description="Version of the sheet.")]
@@ -101,6 +105,29 @@ def read_sheet(
 ) -> SheetBody:
     """Read one version; its ETag is what a decision on it needs."""
     return _answer(store.sheet_with_version(reading, loop_id, version), response)
+
+
+@router.get("/{version}/effect")
+def compare_before_and_after(
+    loop_id: UUID,
+    version: Version,
+    _: Viewer,
+    reading: Reading,
+    samples: Samples,
+    days: Annotated[
+        float, Query(gt=0, le=31, description="Length of each period, at most. [d]")
+    ] = 7.0,
+    changed_at: Annotated[
+        Moment | None,
+        Query(description="When the settings were typed in; by default when they were approved."),
+    ] = None,
+) -> SheetEffect:
+    """Ask whether a version helped: the control error before and after it came into force."""
+    return SheetEffect.model_validate(
+        effect_of_sheet(
+            reading, samples, loop_id, version, span=timedelta(days=days), changed_at=changed_at
+        )
+    )
 
 
 @router.post("/{version}/approve", openapi_extra=declares("sheet.approved"))

@@ -254,3 +254,16 @@ class ProposedSettings(Answer):
     structure: str | None
     settings: Settings
     units: dict[str, str]
+
+
+class SheetEffect(Answer):
+    """What a sheet in force did to the control error."""
+
+    loop_id: UUID
+    version: int
+    changed_at: datetime = Field(description="Instant at which the settings changed.")
+    before: tuple[datetime, datetime] = Field(description="Period before: from, up to.")
+    after: tuple[datetime, datetime] = Field(description="Period after: from, up to.")
+    effect: dict[str, object] = Field(
+        description="Change, ratio of the root mean square errors with its 95 % interval, settings."
+    )

@@ -1,6 +1,7 @@
 """Loop sheets in the database. Rows are added and read; nothing changes one."""
 
 from dataclasses import dataclass
+from datetime import datetime
 from uuid import UUID
 
 from sqlalchemy import ColumnElement, and_, func, select
@@ -62,6 +63,16 @@ def current_sheet(session: Session, loop_id: UUID) -> Sheet | None:
     for sheet in _sheets(session, loop_id, SheetDecisionRow.approval == approvals):
         return sheet
     return None
+
+
+def next_approval(session: Session, loop_id: UUID, after: SheetDecisionRow) -> datetime | None:
+    """Tell when the approval after one came; none while that one is in force."""
+    return session.scalar(
+        select(SheetDecisionRow.created_at).where(
+            SheetDecisionRow.loop_id == loop_id,
+            SheetDecisionRow.approval == (after.approval or 0) + 1,
+        )
+    )
 
 
 def newest_sheets(session: Session, loop_id: UUID, *, below: int | None, limit: int) -> list[Sheet]:

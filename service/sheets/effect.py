@@ -1,0 +1,62 @@
+"""What a sheet version did to its loop: the routine data before and after it, compared."""
+
+from datetime import datetime, timedelta
+from uuid import UUID
+
+from sqlalchemy.orm import Session
+
+from advice.assessment_body import fields_body
+from advice.effect import effect
+from historian.sample_store import SampleStore
+from loop.errors import NoSamples
+from loop.record import Record
+from service.errors import NeverInForce
+from service.loops.store import loop_with_id
+from service.sheets import store
+from service.tables import LoopRow
+
+
+def effect_of_sheet(
+    reading: Session,
+    samples: SampleStore,
+    loop_id: UUID,
+    version: int,
+    *,
+    span: timedelta,
+    changed_at: datetime | None,
+) -> dict[str, object]:
+    """Compare the control error before and after a version came into force.
+
+    The period after ends where the next version came into force: that is its effect, not this
+    one's.
+
+    Raises
+    ------
+    NotFound, NoSamples, NeverInForce
+        The loop, the version or its data are not there, or it was never approved.
+    """
+    loop = loop_with_id(reading, loop_id)
+    sheet = store.sheet_with_version(reading, loop_id, version)
+    if sheet.decision is None or sheet.decision.decision != "approved":
+        raise NeverInForce(version, sheet.status)
+    changed = changed_at or sheet.decision.created_at
+    next_change = store.next_approval(reading, loop_id, sheet.decision)
+    end = changed + span if next_change is None else max(changed, min(next_change, changed + span))
+    before = (changed - span, changed)
+    after = (changed, end)
+    found = effect(_record(samples, loop, before), _record(samples, loop, after))
+    return {
+        "loop_id": loop_id,
+        "version": version,
+        "changed_at": changed,
+        "before": before,
+        "after": after,
+        "effect": fields_body(found),
+    }
+
+
+def _record(samples: SampleStore, loop: LoopRow, period: tuple[datetime, datetime]) -> Record:
+    found = samples.read(loop.id, *period)
+    if not len(found):
+        raise NoSamples(loop.tag)
+    return found.record(tag=loop.tag, pv_unit=loop.pv_unit, op_unit=loop.op_unit)
