@@ -35,7 +35,17 @@ def without_scripts(page: str) -> str:
 def test_the_page_holds_every_picture_the_case_can_have(case: TuningCase) -> None:
     drawn = figures(report_page(case, title="TIC-900"))
 
-    assert list(drawn) == ["fit", "residual", "bode", "nyquist", "setpoint", "load", "sweep"]
+    assert list(drawn) == [
+        "fit",
+        "residual",
+        "bode",
+        "nyquist",
+        "setpoint",
+        "load",
+        "fan_setpoint",
+        "fan_load",
+        "sweep",
+    ]
     for figure in drawn.values():
         axes = [axis for name, axis in figure["layout"].items() if re.match("[xy]axis", name)]
         titles = [axis["title"]["text"] for axis in axes]
@@ -100,7 +110,7 @@ def test_a_refusal_and_a_bare_process_make_pages_too(
     file = tmp_path / "report.html"
     write_report(tune_process(IPDT(K=0.01, theta=10.0)), file, title="LIC-1")
     assert list(figures(file.read_text("utf-8"))) == [
-        "bode", "nyquist", "setpoint", "load", "sweep",
+        "bode", "nyquist", "setpoint", "load", "fan_setpoint", "fan_load", "sweep",
     ]  # fmt: skip
     relay = report_page(tune(square_wave), title="relay")
     assert "Ku" in relay
