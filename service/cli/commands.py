@@ -49,6 +49,11 @@ COMMANDS = (
         "Write a process model as a short script for another tool.",
     ),
     Entry(
+        "plan",
+        "service.cli.plan:plan",
+        "Plan a step test or a relay test: moves, duration, expected errors, limits.",
+    ),
+    Entry(
         "demo",
         "service.cli.demo:demo",
         "Start the service with a small simulated plant to look at.",

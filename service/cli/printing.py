@@ -6,6 +6,7 @@ from rich.table import Table
 
 from advice.display import digits, row_of, rule_name, settings_of
 from advice.facts import data_facts, gain_unit, model_facts
+from advice.next_test import after, next_test_sentences
 from advice.tune import TuningCase
 from historian.export import Export
 
@@ -40,6 +41,16 @@ def print_case(case: TuningCase, export: Export, *, title: str) -> None:
     else:
         out.print("[bold]No recommendation.[/bold]")
     out.print(f"  {case.recommended_reason}", markup=False)
+    _print_next_test(out, case)
+
+
+def _print_next_test(out: Console, case: TuningCase) -> None:
+    following = after(case)
+    if following is None:
+        return
+    out.print("\n[bold]The test to run next[/bold]")
+    for sentence in next_test_sentences(following):
+        out.print(f"  {sentence}", markup=False)
 
 
 def print_reading(out: Console, export: Export) -> None:
@@ -66,6 +77,7 @@ def print_model(case: TuningCase, export: Export, *, title: str) -> None:
     print_reading(out, export)
     _print_facts(out, "Data", [] if case.record is None else data_facts(case.record))
     _print_facts(out, "Model", model_facts(case))
+    _print_next_test(out, case)
 
 
 def _print_facts(out: Console, title: str, facts: list[tuple[str, str]]) -> None:

@@ -1,0 +1,1 @@
+"""Tests planned before they are run."""
