@@ -44,6 +44,7 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
             ("box_proof", "the proven worst case of boxes against 100,000 random plants", 60.0),
             ("robust_choice", "load area at equal guaranteed Ms, every published rule", 60.0),
             ("tuning_request", "all rules with their sweeps for one process", 40.0),
+            ("process_batch", "AMIGO and SIMC on 133 processes, margins of the process", 60.0),
             ("csv_import", "historian exports against pandas, pyarrow, polars", 320.0),
             ("http_tuning", "a tuning request through HTTP", 60.0),
             ("upload", "five million rows through HTTP into the sample store", 150.0),

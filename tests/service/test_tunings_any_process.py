@@ -9,7 +9,7 @@ from fastapi.testclient import TestClient
 from loop.controller import PID
 from loop.half_rule import half_rule
 from loop.margins import margins
-from loop.process import TransferFunction
+from loop.process import FOPDT, TransferFunction
 
 COLUMN = {
     "kind": "TransferFunction",
@@ -62,6 +62,7 @@ def test_the_reduction_and_the_margins_on_the_full_process_are_shown(client: Tes
     assert body["process"] == COLUMN
     first, second = body["reductions"]
     model = half_rule(process).model
+    assert isinstance(model, FOPDT)
     assert first["model"] == {"kind": "FOPDT", "K": model.K, "tau": 2.5, "theta": model.theta}
     assert first["neglected"][0] == "the zero (-0.3 s + 1) to the dead time, 0.3 s"
     assert second["model"]["kind"] == "SOPDT"
