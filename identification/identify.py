@@ -102,6 +102,8 @@ class Identification:
         Whiteness of the residual.
     t, pv, predicted, residual : ndarray, shape (n,), or None
         Values fitted, model and difference. [s], [PV]
+    weight : ndarray, shape (n,), or None
+        Readings behind each value; None for one each. [-]
     """
 
     kind: str = "FOPDT"
@@ -131,6 +133,7 @@ class Identification:
     pv: Real | None = None
     predicted: Real | None = None
     residual: Real | None = None
+    weight: Real | None = None
 
     @property
     def structure(self) -> Candidate | None:
@@ -268,6 +271,7 @@ def _described(
         pv=samples.pv,
         predicted=predicted,
         residual=residual,
+        weight=weight,
     )
 
 
