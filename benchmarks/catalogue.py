@@ -40,6 +40,7 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
             ("margins", "gain, phase, delay margin, Ms, Mt against python-control", 120.0),
             ("fopdt_fit", "FOPDT fit of a step test against scipy curve_fit and gekko", 100.0),
             ("fopdt_bound", "FOPDT fit of 1,000 tests against the Cramér-Rao bound", 60.0),
+            ("fopdt_calibration", "whether the stated errors of the FOPDT fit are true", 60.0),
             ("simulation", "closed loop with limits against simple-pid, python-control", 40.0),
             ("box_proof", "the proven worst case of boxes against 100,000 random plants", 60.0),
             ("robust_choice", "load area at equal guaranteed Ms, every published rule", 60.0),
