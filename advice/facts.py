@@ -58,15 +58,17 @@ def model_facts(case: TuningCase) -> Facts:
         modelled = [] if case.process is None else _identified(case.relay.model, case.record)
         return [*_relay_facts(case.relay, gain_unit(case.record)), *modelled]
     if case.model is None:
-        return [] if case.process is None else [*_stated(case.process)]
+        if case.process is None:
+            return []
+        return [*stated_facts(case.process), ("verdict", "stated, not identified")]
     return _identified(case.model, case.record)
 
 
-def _stated(process: Process) -> Facts:
+def stated_facts(process: Process) -> Facts:
+    """Say which process it is, by its parameters."""
     return [
         ("process", type(process).__name__),
         *((name, _parameter(getattr(process, name))) for name in process.__dataclass_fields__),
-        ("verdict", "stated, not identified"),
     ]
 
 

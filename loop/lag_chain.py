@@ -95,7 +95,7 @@ def _factored(process: Process) -> LagChain:
     if unstable:
         plural = "pole" if unstable == 1 else "poles"
         raise RuleNotApplicable(
-            "Every published rule here",
+            "Tuning by a published rule",
             f"the process is unstable ({unstable} {plural} in the right half-plane)",
         )
     remarks: list[str] = []

@@ -24,6 +24,11 @@ COMMANDS = (
         "Identify the process behind a step test, tune it by every rule and verify the settings.",
     ),
     Entry(
+        "propose",
+        "service.cli.propose:propose",
+        "Tune a process that is known already, by every rule, and verify the settings.",
+    ),
+    Entry(
         "identify",
         "service.cli.identify:identify",
         "Identify the process behind a step test, with its errors and a verdict.",

@@ -5,7 +5,7 @@ from rich.console import Console
 from rich.table import Table
 
 from advice.display import digits, row_of, rule_name, settings_of
-from advice.facts import data_facts, gain_unit, model_facts
+from advice.facts import data_facts, gain_unit, model_facts, stated_facts
 from advice.next_test import after, next_test_sentences
 from advice.tune import TuningCase
 from historian.export import Export
@@ -30,6 +30,22 @@ def print_case(case: TuningCase, export: Export, *, title: str) -> None:
     print_reading(out, export)
     _print_facts(out, "Data", [] if case.record is None else data_facts(case.record))
     _print_facts(out, "Model", model_facts(case))
+    _print_answer(out, case)
+
+
+def print_stated_case(case: TuningCase, *, title: str) -> None:
+    """Print the process that was stated, what stands for it, every rule and the recommendation."""
+    out = _console()
+    out.print(f"[bold]{title}[/bold]")
+    _print_facts(out, "Process", model_facts(case))
+    for reduction in case.reductions:
+        model = type(reduction.model).__name__
+        neglected = [("neglected", step) for step in reduction.steps]
+        _print_facts(out, f"{model} by the half rule", [*stated_facts(reduction.model), *neglected])
+    _print_answer(out, case)
+
+
+def _print_answer(out: Console, case: TuningCase) -> None:
     if case.tunings:
         _print_tunings(out, case)
     out.print()

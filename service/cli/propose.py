@@ -1,0 +1,70 @@
+"""`loopwright propose`: a stated process in, verified settings out."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from advice.body import case_body
+from advice.report.page import write_report
+from advice.tune import tune_process
+from loop.errors import RuleNotApplicable
+from service.cli.printing import print_stated_case
+from service.cli.stating import (
+    CONTROLLER_HELP,
+    PROCESS_HELP,
+    controller_from_text,
+    process_from_text,
+)
+from tuning.profiles import DEFAULT_PROFILE, PROFILES
+
+REFUSED = 3
+
+
+def propose(
+    process: Annotated[str, typer.Argument(metavar="PROCESS", help=PROCESS_HELP)],
+    profile: Annotated[
+        str, typer.Option(metavar="NAME", help=f"Target profile: {', '.join(PROFILES)}.")
+    ] = DEFAULT_PROFILE,
+    tau_c: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Desired closed-loop time constant in seconds."),
+    ] = None,
+    scan_time: Annotated[
+        float, typer.Option(metavar="S", help="Scan time of the controller in seconds.")
+    ] = 0.0,
+    running: Annotated[
+        str | None,
+        typer.Option(metavar="SETTINGS", help=f"Settings to compare with: {CONTROLLER_HELP}"),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the document that the API answers.")
+    ] = False,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write one self-contained HTML page.")
+    ] = None,
+) -> int:
+    """Tune a process that is known already, by every rule, and verify the settings.
+
+    Exit code 0: answered. 3: no published rule covers it, with the reason. 2: called wrongly.
+    1: failed.
+    """
+    plant = process_from_text(process)
+    now = None if running is None else controller_from_text(running, plant)
+    if profile not in PROFILES:
+        raise typer.BadParameter(f"--profile must be one of {', '.join(PROFILES)}, got {profile}")
+    try:
+        case = tune_process(plant, profile=profile, tau_c=tau_c, scan_time=scan_time, running=now)
+    except RuleNotApplicable as reason:
+        typer.echo(str(reason), err=True)
+        return REFUSED
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+    if as_json:
+        typer.echo(json.dumps(case_body(case), indent=1, allow_nan=False))
+    else:
+        print_stated_case(case, title=process)
+    if report is not None:
+        write_report(case, report, title=process)
+    return 0
