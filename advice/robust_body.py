@@ -124,6 +124,16 @@ def optimum_body(found: OptimalSettings) -> Body:
     }
 
 
+def robust_body(proof: CaseProof | None, choices: Sequence[OptimalChoice] | None) -> Body:
+    """What was asked for beside the case itself; nothing where nothing was, or could be."""
+    asked: Body = {}
+    if proof is not None:
+        asked["proof"] = proof_body(proof)
+    if choices is not None:
+        asked["optimal"] = optimal_body(choices)
+    return asked
+
+
 def proof_words(proof: CaseProof) -> list[str]:
     """Proofs of a case in sentences."""
     words = []

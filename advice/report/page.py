@@ -29,6 +29,7 @@ from advice.tune import TuningCase
 from loop.measures import load_measures, step_measures
 
 Section: TypeAlias = dict[str, object]
+More: TypeAlias = Sequence[tuple[str, Sequence[str]]]
 
 READING = (
     "Gain margin (GM), phase margin (PM), delay margin and Ms are computed with the exact dead "
@@ -40,7 +41,9 @@ READING = (
 )
 
 
-def write_report(case: TuningCase, file: Path, *, title: str, generated: str = "") -> None:
+def write_report(
+    case: TuningCase, file: Path, *, title: str, generated: str = "", more: More = ()
+) -> None:
     """Write the page to a file.
 
     Parameters
@@ -53,11 +56,14 @@ def write_report(case: TuningCase, file: Path, *, title: str, generated: str = "
         Name of the loop or of the file.
     generated : str
         When and by whom, in words; empty for neither.
+    more : sequence of (str, sequence of str)
+        Further sections: a heading and its sentences. Empty ones are left out.
     """
-    file.write_text(report_page(case, title=title, generated=generated), encoding="utf-8")
+    page = report_page(case, title=title, generated=generated, more=more)
+    file.write_text(page, encoding="utf-8")
 
 
-def report_page(case: TuningCase, *, title: str, generated: str = "") -> str:
+def report_page(case: TuningCase, *, title: str, generated: str = "", more: More = ()) -> str:
     """Make the page.
 
     Parameters
@@ -68,6 +74,8 @@ def report_page(case: TuningCase, *, title: str, generated: str = "") -> str:
         Name of the loop or of the file.
     generated : str
         When and by whom, in words; empty for neither.
+    more : sequence of (str, sequence of str)
+        Further sections: a heading and its sentences. Empty ones are left out.
     """
     sections, following = _sections(case), after(case)
     numbered = {
@@ -97,6 +105,7 @@ def report_page(case: TuningCase, *, title: str, generated: str = "") -> str:
             f"phase margin {case.profile.phase:.3g}°, Ms at most {case.profile.Ms:.3g}."
         ),
         refusals=[t.proposal.refusal for t in case.tunings if t.proposal.pid is None],
+        more=[section for section in more if section[1]],
         unit_gain=gain_unit(case.record),
         reading=READING,
         script=_plotly(),

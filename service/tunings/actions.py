@@ -6,6 +6,8 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from advice.body import Body, case_body
+from advice.robust_body import robust_body
+from advice.robust_choice import optimal_choices, prove_case
 from advice.tune import StatedProcess, TuningCase, tune_process
 from loop.controller import PID, Action
 from loop.errors import FitNotTrusted, LoopError
@@ -120,7 +122,19 @@ def _case(
         )
     except ValueError as error:
         raise InvalidRequest("body", str(error)) from error
-    return case_body(case)
+    return case_body(case) | _on_request(case, wanted, scan_time)
+
+
+def _on_request(
+    case: TuningCase, wanted: TuneLoop | TuneProcess | TuneProcesses, scan_time: float
+) -> Body:
+    """Proofs and optima of a single process: they take too long for a batch."""
+    if isinstance(wanted, TuneProcesses):
+        return {}
+    return robust_body(
+        prove_case(case, scan_time=scan_time) if wanted.proof else None,
+        optimal_choices(case, scan_time=scan_time) if wanted.optimal else None,
+    )
 
 
 def _running(stated: RunningBody | None, process: StatedProcess) -> PID | None:

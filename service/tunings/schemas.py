@@ -36,7 +36,19 @@ class _Wishes(Strict):
     running: RunningBody | None = None
 
 
-class TuneLoop(_Wishes):
+class _RobustWishes(_Wishes):
+    proof: bool = Field(
+        False,
+        description="Prove the worst margins with all parameters off by up to 50 % at once.",
+    )
+    optimal: bool = Field(
+        False,
+        description="Add the PI and PID of least load area under the profile: over ±50 % of all "
+        "parameters at once, and from calm to fast.",
+    )
+
+
+class TuneLoop(_RobustWishes):
     """Ask for verified settings of a loop, on a stored model or on a stated process."""
 
     model_id: Id | None = Field(None, description="Model of this loop.")
@@ -49,7 +61,7 @@ class TuneLoop(_Wishes):
         return self
 
 
-class TuneProcess(_Wishes):
+class TuneProcess(_RobustWishes):
     """Ask for verified settings of a process, without a loop; nothing is stored."""
 
     process: AnyProcessBody
