@@ -159,14 +159,14 @@ def experiment_of(
     sp: Signal = given.pv0
     load, manual = 0.0, None
     match event:
-        case SetPointChange(size=size, rate=None):
-            sp = given.pv0 + size
-        case SetPointChange(size=size, rate=float(rate)):
-            sp = Ramp(size=size, duration=abs(size) / rate)
-        case LoadChange(size=size):
-            load = size
-        case Transfer(size=size):
-            sp, manual = given.pv0 + size, Manual(until=IN_MANUAL * t_end)
+        case SetPointChange():
+            sp = given.pv0 + event.size
+            if event.rate is not None:
+                sp = Ramp(size=event.size, duration=abs(event.size) / event.rate)
+        case LoadChange():
+            load = event.size
+        case _:
+            sp, manual = given.pv0 + event.size, Manual(until=IN_MANUAL * t_end)
     return Experiment(
         t_end=t_end,
         dt=dt,

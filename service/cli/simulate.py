@@ -13,7 +13,7 @@ from rich.table import Table
 from advice.display import digits
 from advice.fan import box_draws
 from advice.scenario import Conditions, Event, LoadChange, Replay, SetPointChange, Transfer
-from advice.what_if import Answer, ErrorMeasures, Run, WhatIf, what_if
+from advice.what_if import Answer, Effort, ErrorMeasures, Run, WhatIf, what_if
 from advice.what_if_body import KINDS, what_if_body
 from loop.digital_pid import AntiWindup, OutputLimits
 from loop.measures import LoadMeasures, StepMeasures
@@ -190,9 +190,9 @@ def _table(answer: Answer) -> Table:
     name = KINDS[type(answer.event).__name__]
     table = Table(title=name[0].upper() + name[1:], title_justify="left")
     rows = [
-        (run.name, [*_measures(run.measures), *_effort(run)])
+        (run.name, [*_measures(run.measures), *_effort(run.effort)])
         for run in answer.runs
-        if run.measures is not None
+        if run.measures is not None and run.effort is not None
     ]
     if answer.recorded_measures is not None:
         rows.append(("as recorded", _measures(answer.recorded_measures)))
@@ -204,9 +204,7 @@ def _table(answer: Answer) -> Table:
     return table
 
 
-def _measures(
-    found: StepMeasures | LoadMeasures | ErrorMeasures | None,
-) -> list[tuple[str, str]]:
+def _measures(found: StepMeasures | LoadMeasures | ErrorMeasures) -> list[tuple[str, str]]:
     match found:
         case StepMeasures():
             return [
@@ -222,24 +220,20 @@ def _measures(
                 ("settling s", digits(found.settling_time, 3)),
                 ("IAE PV s", digits(found.IAE)),
             ]
-        case ErrorMeasures():
+        case _:
             return [
                 ("sd of error PV", digits(found.sd, 3)),
                 ("largest error PV", digits(found.largest, 3)),
                 ("IAE PV s", digits(found.IAE)),
             ]
-        case None:
-            return []
 
 
-def _effort(run: Run) -> list[tuple[str, str]]:
-    if run.effort is None:
-        return []
+def _effort(found: Effort) -> list[tuple[str, str]]:
     return [
-        ("travel OP", digits(run.effort.travel)),
-        ("largest move OP", digits(run.effort.largest_move, 3)),
-        ("reversals", str(run.effort.reversals)),
-        ("at limit %", digits(100 * run.effort.at_limit, 3)),
+        ("travel OP", digits(found.travel)),
+        ("largest move OP", digits(found.largest_move, 3)),
+        ("reversals", str(found.reversals)),
+        ("at limit %", digits(100 * found.at_limit, 3)),
     ]
 
 

@@ -1,5 +1,6 @@
 """Bands over uncertain processes in the report: the numbers of the simulation, said in words."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -59,12 +60,17 @@ def test_a_record_tells_which_processes_are_possible(heater_test: Record) -> Non
     assert case.model is not None
     np.testing.assert_array_equal(processes.K, parameter_draws(case.model, n=100)[:, 0])
     assert words == "100 processes that the record cannot tell from the model"
+    # Without the errors of the fit there is nothing to draw from.
+    untold = replace(case, model=replace(case.model, choice=None))
+    assert "all parameters off at once" in (processes_of(untold) or ("", ""))[1]
 
 
 def test_loops_that_grow_are_counted_and_alone_leave_no_picture(stated: TuningCase) -> None:
     both = [Candidate(name="calm", pid=CALM), Candidate(name="wild", pid=WILD)]
     drawn = fan_figures(stated, both, set_point=5.0, load=2.0, pv="degC")
     assert "calm: largest move" in drawn["fan_load"][1]
+    hopeless = [Candidate(name="hopeless", pid=PID(Kc=1e6, Ti=120))]
+    assert fan_figures(stated, hopeless, set_point=5.0, load=2.0, pv="degC") == {}
     nothing = TuningCase(
         profile=stated.profile, record=None, model=None, relay=None, process=None, tunings=(),
         recommended=None, recommended_reason="none",

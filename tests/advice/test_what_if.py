@@ -129,10 +129,12 @@ def test_noise_is_the_same_for_every_controller_and_not_in_the_measures() -> Non
 def test_a_ramp_overshoots_less_than_a_step() -> None:
     quick = PID(Kc=1.4, Ti=110)
     found = what_if(
-        HEATER, {"q": quick}, [SetPointChange(size=-4.0), SetPointChange(size=-4.0, rate=0.01)]
+        HEATER, {"q": quick}, [SetPointChange(size=-4.0), SetPointChange(size=-4, rate=0.01)]
     )
     step, ramp = (answer.runs[0] for answer in found.answers)
     assert stepped(ramp).overshoot < 0.5 * stepped(step).overshoot
+    whole = only(what_if(HEATER, {"q": quick}, [SetPointChange(size=600, rate=1)]))
+    np.testing.assert_allclose(response_of(whole).sp[:3], response_of(whole).t[:3])
     course = response_of(ramp)
     at = np.searchsorted(course.t, 100.0)
     assert course.sp[at] == pytest.approx(-0.01 * course.t[at])
