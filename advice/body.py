@@ -17,6 +17,7 @@ from identification.candidates import Candidate
 from identification.identify import Identification
 from identification.quality import Colour
 from identification.relay_model import RelayModel
+from identification.running_controller import RunningController
 from identification.step_reading import StepReading
 from loop.controller import PID
 from loop.half_rule import Reduction
@@ -365,6 +366,18 @@ def case_model_body(case: TuningCase) -> Body:
     }
 
 
+def as_found_body(found: RunningController) -> Body:
+    """Settings that routine data show to run, with their errors and reasons."""
+    intervals = {"Kc": found.Kc, "Ti": found.Ti, "Td": found.Td}
+    return {
+        "verdict": found.verdict.value,
+        "reasons": list(found.reasons),
+        "settings": None if found.pid is None else settings_body(found.pid),
+        "intervals_95": {name: values and list(values) for name, values in intervals.items()},
+        "unexplained": number(found.unexplained),
+    }
+
+
 def case_body(case: TuningCase) -> Body:
     """The whole case: data, model, every rule, recommendation.
 
@@ -392,5 +405,6 @@ def case_body(case: TuningCase) -> Body:
         "recommended": None if best is None else tuning_body(best),
         "recommended_reason": case.recommended_reason,
         "running": running,
+        "as_found": None if case.as_found is None else as_found_body(case.as_found),
         "next_test": None if following is None else next_test_body(following),
     }

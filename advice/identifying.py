@@ -4,6 +4,7 @@ import numpy as np
 
 from identification.closed_loop import identify_routine, is_routine
 from identification.identify import Identification, identify
+from identification.running_controller import RunningController, running_controller
 from loop.record import Record
 
 
@@ -30,6 +31,20 @@ def identified(record: Record) -> Identification:
     if found.process is None and found.fitted is None and is_routine(record):
         return identify_routine(record)
     return found
+
+
+def as_found(record: Record, model: Identification) -> RunningController | None:
+    """Read the settings that run from routine data; None for a test, which shows none.
+
+    Parameters
+    ----------
+    record : Record
+        One loop over one stretch of time.
+    model : Identification
+        What `identified` made of it.
+    """
+    test = bool(model.steps) or not is_routine(record)
+    return None if test or record.sp is None else running_controller(record)
 
 
 def _set_point_moved(record: Record) -> bool:

@@ -9,11 +9,12 @@ The command line, the REST service and a notebook all call these functions:
 
 from dataclasses import dataclass, replace
 
-from advice.identifying import identified
+from advice.identifying import as_found, identified
 from advice.rivals import for_all_readings
 from identification.identify import Identification
 from identification.relay import looks_like_relay
 from identification.relay_model import RelayModel, relay_model
+from identification.running_controller import RunningController
 from loop.controller import PID, Action
 from loop.errors import NoLimitCycle
 from loop.half_rule import Reduction
@@ -69,6 +70,8 @@ class TuningCase:
         Low-order models that stood for the process; empty where the rules take it as it is.
     running_full : FullProcess or None
         What the running settings keep on the process itself, where that was reduced.
+    as_found : RunningController or None
+        What routine data say of the running settings, where nobody stated them.
     """
 
     profile: Profile
@@ -83,6 +86,7 @@ class TuningCase:
     running_verification: Verification | None = None
     reductions: tuple[Reduction, ...] = ()
     running_full: FullProcess | None = None
+    as_found: RunningController | None = None
 
     @property
     def refused(self) -> bool:
@@ -118,7 +122,7 @@ def tune(
     scan_time : float
         Scan time of the controller; half of it counts as dead time in every margin. [s]
     running : PID, optional
-        Settings in the controller now, to compare with.
+        Settings in the controller now, to compare with; by default those that routine data show.
     relay_hysteresis : float
         Half-width of the relay's hysteresis, for a relay test. [PV]
 
@@ -139,6 +143,8 @@ def tune(
             running=running,
         )  # fmt: skip
     model = identified(record)
+    read = as_found(record, model) if running is None else None
+    running = running if read is None else read.pid
     if model.process is None:
         return TuningCase(
             profile=limits,
@@ -151,11 +157,13 @@ def tune(
             recommended_reason="No settings, because the model was refused: "
             + " ".join(model.reasons),
             running=running,
+            as_found=read,
         )
-    return _tuned(
+    case = _tuned(
         model.process, limits, tau_c=tau_c, scan_time=scan_time, running=running,
         record=record, model=model,
     )  # fmt: skip
+    return replace(case, as_found=read)
 
 
 def tune_process(

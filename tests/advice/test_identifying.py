@@ -8,7 +8,7 @@ from advice.identifying import identified
 from advice.tune import tune
 from identification.verdict import Verdict
 from loop.controller import PID
-from loop.plants import PLANT, routine_operation, step_test
+from loop.plants import PLANT, relay_test, routine_operation, step_test
 from loop.process import FOPDT
 from loop.record import Mode, Record
 from loop.simulation import simulate
@@ -64,3 +64,32 @@ def test_a_set_point_that_only_follows_pv_is_no_move() -> None:
     assert len(identified(alone).steps) == 4
     single = Record(t=[0.0], sp=[1.0], pv=[1.0], op=[1.0])
     assert identified(single).verdict is Verdict.REFUSED
+
+
+def test_routine_data_also_show_the_settings_that_run() -> None:
+    case = tune(routine())
+    assert case.as_found is not None
+    assert case.running is not None
+    assert (case.running.Kc, case.running.Ti) == pytest.approx((1.0, 60.0), rel=1e-6)
+    assert case.running_verification is not None
+    assert case.running_verification.stable
+    found = case_body(case)["as_found"]
+    assert isinstance(found, dict)
+    assert found["verdict"] == "trusted"
+    assert found["settings"] is not None
+
+
+def test_stated_settings_are_taken_at_their_word() -> None:
+    case = tune(routine(), running=PID(Kc=0.5, Ti=100.0))
+    assert case.as_found is None
+    assert case.running is not None
+    assert case.running.Kc == 0.5
+    assert tune(step_test(PLANT[3])).as_found is None
+
+
+def test_a_relay_test_is_known_by_its_switching_whatever_the_mode() -> None:
+    loop = PLANT[3]
+    found = identified(relay_test(loop))
+    assert isinstance(found.process, FOPDT)
+    assert isinstance(loop.process, FOPDT)
+    assert found.process.theta == pytest.approx(loop.process.theta, rel=0.02)
