@@ -77,7 +77,7 @@ def report_page(case: TuningCase, *, title: str, generated: str = "", more: More
     more : sequence of (str, sequence of str)
         Further sections: a heading and its sentences. Empty ones are left out.
     """
-    sections, following = _sections(case), after(case)
+    sections, following = sections_of(case), after(case)
     numbered = {
         item["id"]: item["figure"]
         for section in sections
@@ -152,7 +152,8 @@ def candidates_of(case: TuningCase) -> list[Candidate]:
     return shown
 
 
-def _sections(case: TuningCase) -> list[Section]:
+def sections_of(case: TuningCase) -> list[Section]:
+    """Draw every figure of a case, section by section."""
     sections = []
     if case.model is not None and case.record is not None and case.model.process is not None:
         sections.append(

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from advice.body import case_body
-from advice.report.one_page import write_pdf
 from advice.report.page import write_report
 from advice.robust_body import optimal_words, proof_words, robust_body
 from advice.robust_choice import optimal_choices, prove_case
@@ -117,7 +116,14 @@ def tune(
         for heading, sentences in more:
             _print_more(heading, sentences)
     if report is not None:
-        write_report(case, report, title=record.tag or file.name, more=more)
+        title = record.tag or file.name
+        if report.suffix.lower() == ".pdf":
+            # What sets and draws it takes a second to load: only who asks for it waits.
+            from advice.report.one_page import write_pdf
+
+            write_pdf(case, report, title=title)
+        else:
+            write_report(case, report, title=title, more=more)
     return _code(case)
 
 
