@@ -8,6 +8,7 @@ The command line, the REST service and a notebook all call these functions:
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +27,7 @@ from advice.scenario import (
 )
 from loop.batch import ProcessBatch
 from loop.controller import PID
-from loop.errors import LoopDiverged
+from loop.errors import LoopDiverged, UnstableLoop
 from loop.experiment import Experiment
 from loop.measures import (
     LoadMeasures,
@@ -39,6 +40,7 @@ from loop.process import Process
 from loop.recorded_disturbance import RecordedDisturbance, recorded_disturbance
 from loop.signals import Real
 from loop.simulation import Response, run
+from tuning.output_movement import OutputMovement, output_movement
 
 # Two or three seconds of work: a run takes about two microseconds a scan, a fan a tenth of that.
 MOST_SCANS = 1_000_000
@@ -157,6 +159,9 @@ class WhatIf:
         Processes in the fan, 0 for no fan. [-]
     answers : tuple of Answer
         One for every event.
+    movements : dict of OutputMovement
+        What the noise does to the output of each controller in a day; empty without noise, and
+        without those whose loop is unstable.
     """
 
     process: Process
@@ -165,6 +170,7 @@ class WhatIf:
     t_end: float
     draws: int
     answers: tuple[Answer, ...]
+    movements: dict[str, OutputMovement]
 
 
 def what_if(
@@ -215,6 +221,7 @@ def what_if(
             _answer(event, process, controllers, conditions, (t_end, scan_time), others)
             for event in events
         ),
+        movements=_movements(process, controllers, conditions, scan_time),
     )
 
 
@@ -226,6 +233,18 @@ def _check_work(t_end: float, scan_time: float, runs: int, draws: int) -> None:
             f"runs on {max(draws, 1)} processes; possible are 1 to {MOST_SCANS:,} scans over all "
             f"runs, and {MOST_FAN_SCANS:,} with a fan. Change t_end or scan_time"
         )
+
+
+def _movements(
+    process: Process, controllers: Mapping[str, PID], given: Conditions, scan_time: float
+) -> dict[str, OutputMovement]:
+    found = {}
+    for name, pid in controllers.items() if given.noise else ():
+        with suppress(UnstableLoop):
+            found[name] = output_movement(
+                process, pid, scan_time=scan_time, noise=given.noise, pv_filter=given.pv_filter
+            )
+    return found
 
 
 def _answer(

@@ -38,6 +38,7 @@ def what_if_body(found: WhatIf) -> Body:
         "t_end": found.t_end,
         "draws": found.draws,
         "events": [_answer_body(answer) for answer in found.answers],
+        "noise_movement": {name: asdict(item) for name, item in found.movements.items()},
     }
 
 

@@ -184,6 +184,12 @@ def _print(found: WhatIf) -> None:
         for run in answer.runs:
             for sentence in _remarks(run, found.draws):
                 out.print(f"  {run.name}: {sentence}", markup=False)
+    for name, moved in found.movements.items():
+        out.print(
+            f"\n{name}: the noise alone moves the output by {digits(moved.travel)} OP a day, with "
+            f"{digits(moved.reversals)} reversals; sd {digits(moved.sd, 3)} OP.",
+            markup=False,
+        )
 
 
 def _table(answer: Answer) -> Table:

@@ -22,6 +22,7 @@ from loop.record import Record
 from loop.recorded_disturbance import recorded_disturbance
 from loop.simulation import Response, simulate
 from loop.valve import Choudhury
+from tuning.output_movement import output_movement
 
 HEATER = FOPDT(K=2, tau=120, theta=30)
 NEW, NOW = PID(Kc=0.9, Ti=135, Td=13.3), PID(Kc=0.4, Ti=200)
@@ -124,6 +125,21 @@ def test_noise_is_the_same_for_every_controller_and_not_in_the_measures() -> Non
     np.testing.assert_array_equal(heard.pv, response_of(b).pv)
     assert np.std(heard.pv - heard.true_pv) == pytest.approx(0.3, rel=0.1)
     assert stepped(a).overshoot < 15
+
+
+def test_the_noise_has_its_price_in_travel_of_the_output() -> None:
+    wild = PID(Kc=9, Ti=100)
+    conditions = Conditions(scan_time=2.0, t_end=60_000.0, noise=0.3, pv_filter=4.0)
+    found = what_if(HEATER, {"new": NEW, "wild": wild}, [Transfer()], conditions=conditions)
+    assert found.movements == {
+        "new": output_movement(HEATER, NEW, scan_time=2, noise=0.3, pv_filter=4)
+    }
+    assert what_if(HEATER, {"new": NEW}, [Transfer()]).movements == {}
+    noisy = what_if(HEATER, {"new": NEW}, [LoadChange(size=1e-9)], conditions=conditions)
+    effort = only(noisy).effort
+    assert effort is not None
+    a_day = effort.travel * 86_400 / 60_000
+    assert a_day == pytest.approx(found.movements["new"].travel, rel=0.03)
 
 
 def test_a_ramp_overshoots_less_than_a_step() -> None:

@@ -8,7 +8,9 @@ import pytest
 METHODS = Path(__file__).parents[2] / "docs" / "methods"
 
 
-@pytest.mark.parametrize("page", ["simulation", "valve-models", "virtual-plant", "conditioning"])
+@pytest.mark.parametrize(
+    "page", ["simulation", "valve-models", "virtual-plant", "conditioning", "what-if"]
+)
 def test_every_python_block_runs(page: str) -> None:
     text = (METHODS / f"{page}.md").read_text("utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)

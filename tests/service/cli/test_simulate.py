@@ -62,6 +62,11 @@ def test_a_person_reads_a_table_for_each_event(said: Said) -> None:
     assert "against: The simulated loop grows without bound" in out
 
 
+def test_the_noise_is_told_as_travel_a_day(said: Said) -> None:
+    assert run(["simulate", HEATER, "0.9,135,13.3", "--noise", "0.1", "--scan-time", "2"]) == 0
+    assert "the noise alone moves the output by 38730 OP a day" in said()[0]
+
+
 def test_without_an_event_the_set_point_moves_by_one(said: Said) -> None:
     assert run(["simulate", HEATER, "0.9,135,13.3"]) == 0
     assert "overshoot %" in said()[0]
