@@ -119,7 +119,8 @@ def averaging_level(process: Process, *, load: float, allowed: float) -> Slowest
     Raises
     ------
     RuleNotApplicable
-        The dead time takes so much of what is allowed that tau_c would be below 3 theta, or the process has another type.
+        The dead time takes so much of what is allowed that tau_c would be below 3 theta, or the
+        process has another type.
     ValueError
         The load or the deviation is not a positive number.
 
