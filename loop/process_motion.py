@@ -24,6 +24,8 @@ def motion_of_one(plant: SampledProcesses) -> Callable[[float], float]:
         From the input that holds over the next scan to the output at its end, without the
         input's own jump; the output before the first call is 0.
     """
+    if plant.C.shape[1] == 1:
+        return _motion_of_first_order(plant)
     if plant.C.shape[1] > 2:
         return _motion_of_any_order(plant)
     a11, a12, a21, a22, late1, late2, early1, early2, c1, c2, D = _two_states(plant)
@@ -44,12 +46,27 @@ def motion_of_one(plant: SampledProcesses) -> Callable[[float], float]:
     return move
 
 
+def _motion_of_first_order(plant: SampledProcesses) -> Callable[[float], float]:
+    parts = (plant.Phi[0, 0], plant.late[0], plant.early[0], plant.C[0], plant.D[:1])
+    a, late_weight, early_weight, c, D = (float(v) for v in np.concatenate(parts))
+    waiting = deque([0.0] * int(plant.q[0]))
+    x = late = 0.0
+
+    def move(u: float) -> float:
+        nonlocal x, late
+        waiting.append(u)
+        early = waiting.popleft()
+        x = a * x + late_weight * late + early_weight * early
+        late = early
+        return c * x + D * early
+
+    return move
+
+
 def _two_states(plant: SampledProcesses) -> list[float]:
-    """Phi row by row, late, early, C and D of the first process, filled up to two states."""
-    missing = 2 - plant.C.shape[1]
-    Phi = np.pad(plant.Phi[0], (0, missing))
-    vectors = [np.pad(v[0], (0, missing)) for v in (plant.late, plant.early, plant.C)]
-    return [float(a) for a in np.concatenate([Phi.ravel(), *vectors, plant.D[:1]])]
+    """Phi row by row, late, early, C and D of the first process."""
+    vectors = (plant.Phi[0].ravel(), plant.late[0], plant.early[0], plant.C[0], plant.D[:1])
+    return [float(a) for a in np.concatenate(vectors)]
 
 
 def _motion_of_any_order(plant: SampledProcesses) -> Callable[[float], float]:

@@ -185,6 +185,7 @@ def one_loop(
     stem = course.valve.one_stem() if course.valve else None
     resolution, pv0 = course.resolution, course.pv0
     true_pv, pv, sp, op, position = [], [], [], [], []
+    follows = remote_sp is not None
     signals = (course.load, course.disturbance, course.noise)
     set_points = course.sp.tolist() if remote_sp is None else remote_sp
     x = 0.0
@@ -201,8 +202,9 @@ def one_loop(
         u = scan(r, smoothing.of_one(m) if smoothing else m, by_hand)
         true_pv.append(y)
         pv.append(m)
-        sp.append(r)
         op.append(u)
+        if follows:
+            sp.append(r)
         if stem:
             u = stem(u)
             position.append(u)
@@ -211,7 +213,7 @@ def one_loop(
     return Traces(
         true_pv=np.array(true_pv),
         pv=np.array(pv),
-        sp=np.array(sp),
+        sp=np.array(sp) if follows else course.sp,
         op=outputs,
         position=np.array(position) if stem else outputs,
     )
