@@ -160,7 +160,7 @@ def tune(
             as_found=read,
         )
     case = _tuned(
-        model.process, limits, tau_c=tau_c, scan_time=scan_time, running=running,
+        model.full or model.process, limits, tau_c=tau_c, scan_time=scan_time, running=running,
         record=record, model=model,
     )  # fmt: skip
     return replace(case, as_found=read)

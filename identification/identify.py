@@ -23,7 +23,7 @@ from identification.simplification import SimpleProcess, simplified
 from identification.spikes import find_spikes
 from identification.step_reading import StepReading, read_steps
 from identification.structure_verdict import judge_structure
-from identification.structures import FIRST_ORDER
+from identification.structures import FIRST_ORDER, LEAD
 from identification.timing import judge_timing
 from identification.verdict import (
     Finding,
@@ -38,6 +38,7 @@ from identification.verdict import (
     worst,
 )
 from loop.errors import LoopError
+from loop.process import Process
 from loop.record import Record
 from loop.signals import Flags, Real
 
@@ -136,6 +137,13 @@ class Identification:
     weight: Real | None = None
 
     @property
+    def full(self) -> Process | None:
+        """Process to verify settings on: with its lead where it has one, else `process`."""
+        if self.process is not None and self.structure and self.structure.structure is LEAD:
+            return self.structure.process
+        return self.process
+
+    @property
     def structure(self) -> Candidate | None:
         """Structure that the record speaks for, None where nothing was fitted."""
         return None if self.choice is None else self.choice.chosen
@@ -178,8 +186,7 @@ def identify(record: Record) -> Identification:
         return replace(nothing, reasons=(_sentence(str(fact)),))
     choice = choose(samples, explanation, experiment.steps, experiment.spacing)
     described = _described(nothing, samples, explanation, experiment, choice)
-    first = next(c for c in choice.candidates if c.structure is FIRST_ORDER)
-    fitted, remark = simplified(choice.chosen, first)
+    fitted, remark = simplified(choice.chosen)
     described = replace(
         described,
         spikes=spikes,

@@ -8,67 +8,78 @@ References
 
 from typing import TypeAlias
 
-from identification.candidates import MATERIAL, Candidate
+from identification.candidates import Candidate
 from identification.structures import (
     INTEGRATOR_WITH_LAG,
     LEAD,
     UNDERDAMPED,
 )
+from loop.half_rule import half_rule
 from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
 
 SimpleProcess: TypeAlias = FOPDT | SOPDT | IPDT | DoubleIntegrator
+# From here on a swing raises no frequency by more than 4 %, 1/(2 zeta sqrt(1 - zeta^2)), and two
+# lags stand in for it.
+DAMPED = 0.6
 
-# Up to here one lag stands in for a structure without a rule: two lags, the usual simplification,
-# miss by as much.
-STANDS_IN = 3 * MATERIAL
 
-
-def simplified(chosen: Candidate, first: Candidate) -> tuple[SimpleProcess | None, str]:
-    """Put a structure into the form that tuning rules know.
+def simplified(chosen: Candidate) -> tuple[SimpleProcess | None, str]:
+    """Put a structure into the form that most tuning rules know.
 
     An inverse response is as bad as a dead time of the same length, and the lag behind an
-    integrator as half its length [1]_; here it counts in full, which is on the safe side. One lag
-    stands in for a lead or a swing where it misses PV by under 6 % of the answer.
+    integrator as half its length [1]_; here it counts in full, which is on the safe side. A lead
+    cancels by the half rule's approximations of a numerator [1]_, and a swing with a damping above
+    0.6 becomes two lags with the same sum. None of this is proof.
 
     Parameters
     ----------
     chosen : Candidate
         Structure that the record speaks for.
-    first : Candidate
-        First order plus dead time fitted to the same record.
 
     Returns
     -------
     process : FOPDT, SOPDT, IPDT, DoubleIntegrator or None
-        None where no such form is near enough.
+        None where a parameter is outside what a process may have, or it swings by itself.
     remark : str
-        What was simplified; empty where nothing was.
+        What was simplified, or why there is no process; empty where the structure is itself simple.
     """
     values = dict(zip(chosen.structure.names, chosen.values.tolist(), strict=True))
+    try:
+        return _simple(chosen, values)
+    except ValueError as fact:
+        return None, str(fact)
+
+
+def _simple(chosen: Candidate, values: dict[str, float]) -> tuple[SimpleProcess, str]:
     if chosen.structure is LEAD and values["lead"] < 0:
         inverse = -values.pop("lead")
         values["theta"] += inverse
         return SOPDT(**values), (
-            f"the inverse response of {inverse:.3g} s counts as so much more dead time for tuning"
+            f"the inverse response of {inverse:.3g} s counts as so much more dead time in the model"
         )
     if chosen.structure is INTEGRATOR_WITH_LAG:
         lag = values.pop("tau")
         values["theta"] += lag
         return IPDT(**values), (
-            f"the lag of {lag:.3g} s behind the integrator counts as dead time for tuning"
+            f"the lag of {lag:.3g} s behind the integrator counts as dead time in the model"
         )
-    if chosen.structure in (LEAD, UNDERDAMPED):
-        stand_in = first.process
-        if first.part > STANDS_IN or not isinstance(stand_in, FOPDT):
-            return None, (
-                f"no tuning rule takes {chosen.structure.name}, and one lag in its stead misses "
-                f"PV by {100 * first.part:.2g} % of the answer, more than {100 * STANDS_IN:g} %"
+    if chosen.structure is UNDERDAMPED:
+        if values["zeta"] < DAMPED:
+            raise ValueError(
+                f"no tuning rule takes a process that swings by itself with a damping of "
+                f"{values['zeta']:.2g}, below {DAMPED:g}"
             )
-        return stand_in, f"tuning takes one lag in the stead of {chosen.structure.name}"
-    try:
-        process = chosen.structure.process(*chosen.values.tolist())
-    except ValueError as fact:
-        return None, str(fact)
+        lag = values["zeta"] * values["T"]
+        return SOPDT(K=values["K"], tau1=lag, tau2=lag, theta=values["theta"]), (
+            f"the swing (damping {values['zeta']:.2g}) is left out of the model, two lags "
+            "with the same sum stand for it"
+        )
+    process = chosen.structure.process(*chosen.values.tolist())
+    if chosen.structure is LEAD:
+        process = half_rule(process).model
+        text = f"the lead of {values['lead']:.3g} s is cancelled against a lag in the model"
+        assert isinstance(process, FOPDT)  # noqa: S101 - of two lags one is left
+        return process, text
     assert isinstance(process, FOPDT | SOPDT | IPDT | DoubleIntegrator)  # noqa: S101 - all others are above
     return process, ""
 

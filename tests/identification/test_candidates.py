@@ -18,7 +18,7 @@ from identification.structure_fit import fit_structure
 from identification.structure_verdict import judge_structure
 from identification.structures import FIRST_ORDER, STRUCTURES
 from identification.verdict import Verdict
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, TransferFunction
 from loop.record import Record
 
 T = np.arange(0.0, 600.0, 2.0)
@@ -134,23 +134,34 @@ def test_tuning_gets_a_process_that_its_rules_take(
             assert found.process == DoubleIntegrator(K=values[0], theta=values[1])
         case "integrator with lag":
             assert found.process == IPDT(K=values[0], theta=values[1] + values[2])
-            assert found.verdict is Verdict.CARE
         case "two lags and a lead" if truth[3] < 0:
             assert isinstance(found.process, SOPDT)
             assert found.process.theta == pytest.approx(values[4] - values[3])
             assert "inverse response" in " ".join(found.reasons)
+        case "two lags and a lead":
+            assert isinstance(found.process, FOPDT)
+            assert values[0] < found.process.K  # a lead longer than both lags acts like more gain
+            assert "is cancelled against a lag" in " ".join(found.reasons)
         case _:
             assert found.process is None
             assert found.verdict is Verdict.REFUSED
-            assert "no tuning rule takes" in found.reasons[0].lower()
+            assert "No tuning rule takes a process that swings by itself" in found.reasons[0]
+            return
+    exact = name != "two lags and a lead"
+    assert (found.full == found.process) is exact
+    if not exact:
+        assert isinstance(found.full, TransferFunction)
+        assert found.verdict is Verdict.CARE
 
 
-def test_a_mild_swing_is_tuned_as_one_lag() -> None:
+def test_a_mild_swing_is_tuned_as_two_lags() -> None:
     found = simulated((2,), (900.0, 51.0, 1.0), noise=0.05)
     assert choice(found).chosen.structure.name == "underdamped second order"
-    assert isinstance(found.process, FOPDT)
+    assert isinstance(found.process, SOPDT)
+    assert found.full == found.process
+    assert found.process.tau1 + found.process.tau2 == pytest.approx(51, rel=0.02)
     assert found.verdict is Verdict.CARE
-    assert "in the stead of" in " ".join(found.reasons)
+    assert "The swing (damping 0.85) is left out" in " ".join(found.reasons)
 
 
 def test_one_lag_stays_one_lag_under_any_noise() -> None:
@@ -240,7 +251,7 @@ def test_a_structure_beyond_all_processes_is_neither_determined_nor_tuned() -> N
     beyond = replace(choice(found).chosen, values=choice(found).chosen.values * [1e12, 1, 1, 1])
     assert beyond.process is None
     assert not beyond.determined
-    process, why = simplified(beyond, beyond)
+    process, why = simplified(beyond)
     assert process is None
     assert why.startswith("K must lie within")
 
