@@ -7,8 +7,8 @@ set on loops that the weights have not seen; `benchmarks/false_alarms.py` judges
 """
 
 import json
-from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterable, Mapping
+from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,12 +17,11 @@ from benchmarks.virtual_loops import State, virtual_loops
 from loop.signals import Real
 from monitoring.oscillation import oscillation
 from monitoring.stiction_features import NAMES, active_part, stiction_features
-from monitoring.stiction_model import WEIGHTS, StictionModel, logistic, second_terms, terms
+from monitoring.stiction_model import WEIGHTS, logistic, second_terms, terms
 from monitoring.stiction_search import stiction_search
 
 FITTING_SEEDS = (101, 102, 103)
-SECOND_SEEDS = (201,)
-LIMIT_SEEDS = (301, 302)
+SECOND_SEED, LIMIT_SEED = 201, 301
 COUNTS = {
     State.HEALTHY: 240,
     State.OUTSIDE: 160,
@@ -31,9 +30,30 @@ COUNTS = {
     State.STICKING: 360,
 }
 SAMPLES = {750: 1.0, 1500: 1.0, 3000: 0.4}
+# The second stage has three weights, and the limits are two: fewer loops do.
+FEWER = {750: 0.6, 1500: 0.6}
 RIDGE = 10.0
+FLAGGED_FROM = 0.1
 # Healthy loops beyond the upper limit, and sticking loops below the lower one.
-FALSE_ALARMS, MISSED = 0.005, 0.01
+FALSE_ALARMS, MISSED = 0.005, 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FirstStage:
+    """Weights of the features, and from which probability on the search is run."""
+
+    mean: Real
+    spread: Real
+    weights: Real
+    flagged_from: float = FLAGGED_FROM
+
+    def probability(self, vectors: Real) -> Real:
+        """Probability by the features alone."""
+        return logistic(terms(vectors, self.mean, self.spread) @ self.weights)
+
+    def flags(self, vector: Real) -> bool:
+        """Whether the search is to be run."""
+        return bool(self.probability(vector[None])[0] >= self.flagged_from)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,10 +80,12 @@ class Examples:
         return np.asarray(self.states == State.STICKING.value, dtype=np.float64)
 
 
-def examples(seed: int) -> Examples:
-    """Simulate loops of every state and gather their features."""
+def examples(
+    seed: int, samples_and_shares: Mapping[int, float], first: FirstStage | None = None
+) -> Examples:
+    """Simulate loops of every state and gather their features; search what a first stage flags."""
     vectors, improvements, states = [], [], []
-    for samples, share in SAMPLES.items():
+    for samples, share in samples_and_shares.items():
         for state, count in COUNTS.items():
             for one in virtual_loops(state, int(share * count), samples=samples, seed=seed):
                 error = one.sp - one.pv
@@ -74,10 +96,13 @@ def examples(seed: int) -> Examples:
                     one.op, one.pv, error, swings, 1.0, integrating=one.integrating
                 )
                 if found is not None:
-                    part = active_part(swings, 1.0)
-                    search = stiction_search(one.op[part], one.pv[part], found.period)
                     vectors.append(found.vector)
-                    improvements.append(search.improvement or 0.0)
+                    improvement = 0.0
+                    if first is not None and first.flags(found.vector):
+                        part = active_part(swings, 1.0)
+                        search = stiction_search(one.op[part], one.pv[part], found.period)
+                        improvement = search.improvement or 0.0
+                    improvements.append(improvement)
                     states.append(state.value)
     return Examples(
         vectors=np.array(vectors), improvements=np.array(improvements), states=np.array(states)
@@ -94,25 +119,20 @@ def together(parts: Iterable[Examples]) -> Examples:
     )
 
 
-def fit(first: Examples, second: Examples) -> StictionModel:
-    """Fit the features on some loops and the word of the search on others."""
-    mean, spread = first.vectors.mean(axis=0), first.vectors.std(axis=0) + 1e-9
-    weights = newton(terms(first.vectors, mean, spread), first.sticking, ridge=RIDGE)
-    p = logistic(terms(second.vectors, mean, spread) @ weights)
-    flagged_from = min(float(np.quantile(p[second.sticking == 1], MISSED)), 0.5)
-    flagged = p >= flagged_from
-    return StictionModel(
-        mean=mean,
-        spread=spread,
-        weights=weights,
-        second=newton(
-            second_terms(p[flagged], second.improvements[flagged]), second.sticking[flagged],
-            ridge=0.1,
-        ),
-        flagged_from=flagged_from,
-        stiction_from=1.0,
-        none_below=0.0,
-    )  # fmt: skip
+def first_stage(data: Examples) -> FirstStage:
+    """Fit the weights of the features."""
+    mean, spread = data.vectors.mean(axis=0), data.vectors.std(axis=0) + 1e-9
+    weights = newton(terms(data.vectors, mean, spread), data.sticking, ridge=RIDGE)
+    return FirstStage(mean=mean, spread=spread, weights=weights)
+
+
+def second_stage(first: FirstStage, data: Examples) -> Real:
+    """Fit the weights of the search's word on flagged loops that the first stage has not seen."""
+    p = first.probability(data.vectors)
+    flagged = p >= first.flagged_from
+    return newton(
+        second_terms(p[flagged], data.improvements[flagged]), data.sticking[flagged], ridge=0.1
+    )
 
 
 def newton(X: Real, y: Real, *, ridge: float) -> Real:
@@ -128,14 +148,15 @@ def newton(X: Real, y: Real, *, ridge: float) -> Real:
     return b
 
 
-def final(model: StictionModel, data: Examples) -> Real:
-    """Probability of every loop, the search run on flagged ones."""
-    p = model.probability(data.vectors)
-    return np.where(p >= model.flagged_from, model.searched(p, data.improvements), p)
+def final(first: FirstStage, second: Real, data: Examples) -> Real:
+    """Probability of every loop, the search's word heard on flagged ones."""
+    p = first.probability(data.vectors)
+    searched = logistic(second_terms(p, data.improvements) @ second)
+    return np.where(p >= first.flagged_from, searched, p)
 
 
 def limits(p: Real, data: Examples) -> tuple[float, float]:
-    """Upper and lower limit of the probability, from loops that the fit has not seen."""
+    """Upper and lower limit of the probability, from loops that no fit has seen."""
     upper = float(np.quantile(p[data.states == State.HEALTHY.value], 1 - FALSE_ALARMS))
     lower = float(np.quantile(p[data.states == State.STICKING.value], MISSED))
     return max(upper, 0.5), min(lower, upper, 0.5)
@@ -143,15 +164,16 @@ def limits(p: Real, data: Examples) -> tuple[float, float]:
 
 def main() -> None:
     """Fit, set the limits and write the file."""
-    seeds = (*FITTING_SEEDS, *SECOND_SEEDS, *LIMIT_SEEDS)
     with ProcessPoolExecutor(2) as pool:
-        found = dict(zip(seeds, pool.map(examples, seeds), strict=True))
-    first, second, unseen = (
-        together(found[seed] for seed in group)
-        for group in (FITTING_SEEDS, SECOND_SEEDS, LIMIT_SEEDS)
-    )
-    model = fit(first, second)
-    p = final(model, unseen)
+        fitting = pool.map(examples, FITTING_SEEDS, [SAMPLES] * len(FITTING_SEEDS))
+        finish(first_stage(together(fitting)), pool)
+
+
+def finish(first: FirstStage, pool: Executor) -> None:
+    """Fit the second stage, set the limits and write everything."""
+    data, unseen = pool.map(examples, (SECOND_SEED, LIMIT_SEED), (FEWER, FEWER), (first, first))
+    second = second_stage(first, data)
+    p = final(first, second, unseen)
     upper, lower = limits(p, unseen)
     for state in State:
         of_state = p[unseen.states == state.value]
@@ -162,12 +184,12 @@ def main() -> None:
     body = {
         "names": NAMES,
         "fitted_by": "benchmarks/stiction_weights.py on simulated loops",
-        "seeds": seeds,
-        "mean": model.mean.tolist(),
-        "spread": model.spread.tolist(),
-        "weights": model.weights.tolist(),
-        "second": model.second.tolist(),
-        "flagged_from": model.flagged_from,
+        "seeds": [*FITTING_SEEDS, SECOND_SEED, LIMIT_SEED],
+        "mean": first.mean.tolist(),
+        "spread": first.spread.tolist(),
+        "weights": first.weights.tolist(),
+        "second": second.tolist(),
+        "flagged_from": first.flagged_from,
         "stiction_from": upper,
         "none_below": lower,
     }

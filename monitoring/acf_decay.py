@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loop.autoregression import autocovariance
 from loop.signals import Real
 from monitoring.basis import Basis, graded, refusal
+from monitoring.cross_correlation import correlations
 
 THRESHOLD = 0.5
 MOST_LAGS = 2000
@@ -55,13 +55,13 @@ def acf_decay(error: Real, dt: float, *, share: float = 1.0) -> AcfDecay:
     """
     settings = (("threshold", THRESHOLD),)
     lags = min(MOST_LAGS, error.size // 4)
-    rho = autocovariance(error, lags) if lags >= 8 else np.zeros(1)
-    if not rho[0] > 0:
+    found = correlations(error, error, lags) if lags >= 8 else None
+    if found is None:
         return AcfDecay(
             ratio=0.0, period=None, lively=False,
             basis=refusal("the error is too short or does not move", settings=settings),
         )  # fmt: skip
-    rho = rho / rho[0]
+    rho = found[lags:]
     # Ripples below two standard errors of an autocorrelation are not extremes of the loop.
     places = _extremes(rho, 2 / np.sqrt(error.size))
     if len(places) < 3:

@@ -63,6 +63,8 @@ def mean_cycle(op: Real, pv: Real, period: float) -> MeanCycle | None:
     window = max(round(float(np.median(lengths))), 2)
     op_wave, op_likeness = _averaged(op, grid, window)
     pv_wave, pv_likeness = _averaged(pv, grid, window)
+    if _within_rounding(op_wave, op) or _within_rounding(pv_wave, pv):
+        return None
     return MeanCycle(
         op=op_wave,
         pv=pv_wave,
@@ -70,6 +72,11 @@ def mean_cycle(op: Real, pv: Real, period: float) -> MeanCycle | None:
         pv_likeness=pv_likeness,
         cycles=int(np.count_nonzero(alike)),
     )
+
+
+def _within_rounding(wave: Real, signal: Real) -> bool:
+    """A wave so small that its powers are those of rounding alone."""
+    return bool(np.ptp(wave) <= 1e-12 * np.max(np.abs(signal)) + 1e-100)
 
 
 def _averaged(signal: Real, grid: Real, window: int) -> tuple[Real, float]:

@@ -1,5 +1,6 @@
 """Minimum-variance index: how much of the error no controller could have removed."""
 
+import contextlib
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -14,6 +15,7 @@ from monitoring.basis import Basis, Setting, graded, refusal
 
 ORDER = 20
 FEWEST_PER_ORDER = 15
+MOST_BLOCKS = 8
 # Above this many samples the sums of products come from the autocorrelation by FFT.
 FAST_FROM = 5000
 # The extended horizon is judged where eta has risen by less than this over half its delay again.
@@ -111,8 +113,11 @@ def minimum_variance(
         _check_length(known, order, delay or 1)
         extended = delay is None
         b = _flat_horizon(error, order, most, fast=fast) if delay is None else delay
-        eta = _eta(error, b, order, fast=fast)
-        low, high = _interval(error, b, order, eta, fast=fast)
+        if fast:
+            eta, low, high = _fast_eta(error, b, order)
+        else:
+            eta = _eta(error, b, order)
+            low, high = _interval(_block_etas(error, b, order), eta)
     except PoorExcitation as reason:
         return MinimumVariance(
             eta=None, low=None, high=None, minimum_variance=None, delay=delay or 1, order=order,
@@ -143,24 +148,30 @@ def _check_length(known: int, order: int, delay: int) -> None:
         )
 
 
-def _eta(error: Real, delay: int, order: int, *, fast: bool) -> float:
+def _fast_eta(error: Real, delay: int, order: int) -> tuple[float, float | None, float | None]:
+    """Eta and its interval from the sums of products of eight blocks.
+
+    The products across the seams of the blocks are left out: 8 (b + m) of n.
+    """
+    z = error - float(np.mean(error))
+    blocks = min(error.size // (FEWEST_PER_ORDER * order + delay), MOST_BLOCKS) or 1
+    rows = z[: z.size // blocks * blocks].reshape(blocks, -1)
+    n = rows.shape[1]
+    sums = [np.einsum("ij,ij->i", rows[:, k:], rows[:, : n - k]) for k in range(delay + order)]
+    r = np.stack([*sums, np.zeros(blocks)], axis=1) / n
+    eta = _fast_etas(r.mean(axis=0), [delay], order)[0]
+    moving = [row for row in r if row[0] > 0]
+    return eta, *_interval([_fast_etas(row, [delay], order)[0] for row in moving], eta)
+
+
+def _eta(error: Real, delay: int, order: int) -> float:
     """Residual over whole variance, at most 1."""
-    if fast:
-        return _fast_etas(_covariance(error[None], delay + order)[0], [delay], order)[0]
     X = np.column_stack([lagged(error, range(delay, delay + order)), np.ones(error.size)])
     fit = least_squares(X, error)
     variance = float(np.nanvar(error[np.isfinite(fit.residuals)]))
     if not variance > 0:
         raise PoorExcitation("the error does not move")
     return float(min(fit.noise_variance / variance, 1.0))
-
-
-def _covariance(rows: Real, lags: int) -> Real:
-    """Autocovariance of every row at the lags 0..lags, by products: the fast way for few lags."""
-    z = rows - rows.mean(axis=1, keepdims=True)
-    n = z.shape[1]
-    sums = [np.einsum("ij,ij->i", z[:, k:], z[:, : n - k]) for k in range(lags + 1)]
-    return np.asarray(np.stack(sums, axis=1) / n)
 
 
 def _fast_etas(r: Real, delays: list[int], order: int) -> list[float]:
@@ -186,30 +197,25 @@ def _flat_horizon(error: Real, order: int, most: int, *, fast: bool) -> int:
         r = autocovariance(error, horizons[-1] + order)
         etas = _fast_etas(r, horizons, order)
     else:
-        etas = [_eta(error, b, order, fast=False) for b in horizons]
+        etas = [_eta(error, b, order) for b in horizons]
     for b, here, ahead in zip(horizons, etas, etas[1:], strict=False):
         if ahead - here < FLAT:
             return b
     return horizons[-1]
 
 
-def _interval(
-    error: Real, delay: int, order: int, eta: float, *, fast: bool
-) -> tuple[float | None, float | None]:
-    """Interval of about 95 % from the spread of eta over blocks of the record."""
-    blocks = min(error.size // (FEWEST_PER_ORDER * order + delay), 8)
-    if blocks < 4:
-        return None, None
+def _block_etas(error: Real, delay: int, order: int) -> list[float]:
+    """Eta of up to eight blocks of the record."""
+    blocks = min(error.size // (FEWEST_PER_ORDER * order + delay), MOST_BLOCKS)
     found = []
-    if fast:
-        rows = error[: error.size // blocks * blocks].reshape(blocks, -1)
-        moving = [r for r in _covariance(rows, delay + order) if r[0] > 0]
-        found = [_fast_etas(r, [delay], order)[0] for r in moving]
-    for part in [] if fast else np.array_split(error, blocks):
-        try:
-            found.append(_eta(part, delay, order, fast=fast))
-        except PoorExcitation:
-            continue
+    for part in np.array_split(error, max(blocks, 1)):
+        with contextlib.suppress(PoorExcitation):
+            found.append(_eta(part, delay, order))
+    return found
+
+
+def _interval(found: list[float], eta: float) -> tuple[float | None, float | None]:
+    """Interval of about 95 % from the spread of eta over four blocks and more."""
     if len(found) < 4:
         return None, None
     # Student's t for three to seven degrees of freedom lies between 3.2 and 2.4.

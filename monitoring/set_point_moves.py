@@ -14,6 +14,7 @@ from monitoring.sensor import noise_level
 FEWEST_RESPONSE_SAMPLES = 20
 SMALLEST_MOVE = 5.0
 MOST_MOVES = 20
+TINIEST_MOVE = 1e-100
 # A set point that changes in more than this part of the samples is the output of something else.
 FOLLOWING_SHARE = 0.05
 
@@ -94,7 +95,9 @@ def set_point_moves(stretch: Stretch) -> SetPointMoves:
             count=int(moved.size), following=True, responses=(),
             basis=graded(stretch.share, settings=settings),
         )  # fmt: skip
-    clear = moved[np.abs(steps[moved]) > SMALLEST_MOVE * noise]
+    # A move within the rounding of the numbers themselves is none.
+    least = max(SMALLEST_MOVE * noise, 1e-9 * float(np.max(np.abs(stretch.pv))), TINIEST_MOVE)
+    clear = moved[np.abs(steps[moved]) > least]
     ends = np.r_[moved[1:], stretch.sp.size - 1] if moved.size else moved
     lasting = dict(zip(moved.tolist(), ends.tolist(), strict=True))
     long_enough = [k for k in clear.tolist() if lasting[k] - k >= FEWEST_RESPONSE_SAMPLES]

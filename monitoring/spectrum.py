@@ -1,6 +1,7 @@
 """Lines in a spectrum: peaks that stand out of the smooth spectrum around them."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +13,8 @@ from loop.signals import Real
 BANDS = 4
 # Bins from which on a band is wide enough to be the neighbour of a line.
 WIDE_BAND = 4
+# Bins that make a median of a wide band; the rest would only take time.
+ENOUGH_BINS = 128
 # Median of an exponential distribution over its mean.
 MEDIAN_OF_EXPONENTIAL = float(np.log(2))
 
@@ -65,8 +68,7 @@ def segment_spectra(signal: Real, length: int, *, fewest_cycles: int, shortest: 
     count = max(round(2 * signal.size / length) - 1, 1)
     starts = np.round(np.linspace(0, signal.size - length, count)).astype(np.int64)
     rows = np.lib.stride_tricks.sliding_window_view(signal, length)[starts]
-    window = np.hanning(length + 1)[:-1]
-    power = np.abs(scipy.fft.rfft(_without_line(rows) * window, axis=1)) ** 2
+    power = _power(rows)
     last = max(int(length / shortest), fewest_cycles)
     return Spectra(
         length=length,
@@ -75,6 +77,27 @@ def segment_spectra(signal: Real, length: int, *, fewest_cycles: int, shortest: 
         scores=power[:, fewest_cycles : last + 1] / _floor(power, fewest_cycles, last),
         power=power,
     )
+
+
+def power_spectrum(signal: Real) -> Real:
+    """Power of the whole signal under a Hann window at 0, 1, 2 ... cycles, mean and slope off.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        Evenly sampled signal without gaps.
+    """
+    return np.asarray(_power(signal[None])[0])
+
+
+def _power(rows: Real) -> Real:
+    X = scipy.fft.rfft(_without_line(rows) * _hann(rows.shape[1]), axis=1)
+    return np.asarray(X.real**2 + X.imag**2)
+
+
+@lru_cache(maxsize=16)
+def _hann(length: int) -> Real:
+    return np.asarray(np.hanning(length + 1)[:-1])
 
 
 def _without_line(rows: Real) -> Real:
@@ -94,7 +117,10 @@ def _floor(power: Real, first: int, last: int) -> Real:
     edges = np.unique(np.round(2 ** np.arange(1, np.log2(bins) + 0.5 / BANDS, 1 / BANDS)))
     edges = np.unique(np.minimum(edges, bins)).astype(np.int64)
     levels = np.stack(
-        [np.median(power[:, a:b], axis=1) for a, b in pairwise(edges.tolist())],
+        [
+            np.median(power[:, a : b : max((b - a) // ENOUGH_BINS, 1)], axis=1)
+            for a, b in pairwise(edges.tolist())
+        ],
         axis=1,
     )
     tiny = np.finfo(np.float64).tiny + 1e-12 * power[:, 1:].mean(axis=1, keepdims=True)

@@ -44,10 +44,10 @@ def stiction(
     if found is None:
         return _nothing_to_judge(stretch)
     model = stiction_model()
+    part = active_part(swings, stretch.dt)
     first = model.probability(found.vector[None])
     probability, search = float(first[0]), None
     if probability >= model.flagged_from:
-        part = active_part(swings, stretch.dt)
         search = stiction_search(stretch.op[part], stretch.pv[part], found.period)
         probability = float(model.searched(first, np.array([search.improvement or 0.0]))[0])
     verdict = StictionVerdict.UNDECIDED
@@ -55,7 +55,7 @@ def stiction(
         verdict = StictionVerdict.STICTION
     elif probability < model.none_below:
         verdict = StictionVerdict.NONE
-    size = apparent_stiction(stretch.op, stretch.pv, found.period)
+    size = apparent_stiction(stretch.op[part], stretch.pv[part], found.period)
     return Stiction(
         verdict=verdict,
         probability=probability,

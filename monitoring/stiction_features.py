@@ -10,7 +10,7 @@ from monitoring.cross_correlation import CrossCorrelation, cross_correlation
 from monitoring.mean_cycle import MeanCycle, mean_cycle
 from monitoring.oscillation import Oscillation, acf_regularity
 from monitoring.sensor import noise_level
-from monitoring.spectrum import BANDS, band_pass, segment_spectra
+from monitoring.spectrum import BANDS, band_pass, power_spectrum
 from monitoring.wave_shapes import (
     area_ratio,
     hagglund_index,
@@ -23,6 +23,8 @@ from monitoring.wave_shapes import (
 # Samples a cycle for the bicoherence, whose segments hold 64.
 BICOHERENCE_PERIOD = 16.0
 BAND = 2**0.4
+# A shape is known from this much; more would only take time.
+MOST_SAMPLES, MOST_CYCLES = 6000, 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -147,9 +149,13 @@ def stiction_features(
 
 
 def active_part(swings: Oscillation, dt: float) -> slice:
-    """Samples of the main oscillation, all where there is none."""
+    """Samples of the main oscillation, all where there is none; the last ones of a long one."""
     main = swings.main
-    return slice(None) if main is None else slice(int(main.start / dt), int(main.end / dt))
+    if main is None:
+        return slice(-MOST_SAMPLES, None)
+    last = int(main.end / dt)
+    most = max(MOST_SAMPLES, int(MOST_CYCLES * main.period / dt))
+    return slice(max(int(main.start / dt), last - most), last)
 
 
 def strongest_period(error: Real) -> float | None:
@@ -162,8 +168,7 @@ def strongest_period(error: Real) -> float | None:
     """
     if error.size < 64 or not np.ptp(error) > 0:
         return None
-    spectra = segment_spectra(error, error.size, fewest_cycles=6, shortest=6.0)
-    power = spectra.power[0]
+    power = power_spectrum(error)
     sums = np.cumsum(np.r_[0.0, power])
     bins = np.arange(6, max(int(error.size / 6), 7))
     reach = 2 ** (0.5 / BANDS)

@@ -111,8 +111,11 @@ def area_ratio(wave: Real) -> float:
 def slope_kurtosis(wave: Real) -> float:
     """Kurtosis of the slope: 1 for a triangle, 1.5 for a sine, large for jumps. [-]"""
     slope = np.diff(np.r_[wave, wave[0]])
-    power = float(np.mean(slope**2))
-    return float(np.mean(slope**4) / power**2) if power > 0 else 1.5
+    steepest = float(np.max(np.abs(slope)))
+    if not steepest > 0:
+        return 1.5
+    slope = slope / steepest  # so that no power of a tiny wave vanishes
+    return float(np.mean(slope**4) / np.mean(slope**2) ** 2)
 
 
 def harmonic(wave: Real, order: int) -> float:
