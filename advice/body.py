@@ -19,11 +19,12 @@ from identification.quality import Colour
 from identification.relay_model import RelayModel
 from identification.running_controller import RunningController
 from identification.step_reading import StepReading
+from identification.theta_interval import profile_interval
 from loop.controller import PID
 from loop.half_rule import Reduction
 from loop.margin_batch import MarginBatch
 from loop.margins import Margins
-from loop.process import Process
+from loop.process import FOPDT, Process
 from loop.record import Record
 from loop.signals import Flags, Real
 from tuning.answer import Tuning
@@ -236,6 +237,7 @@ def model_body(model: Identification) -> Body:
         "intervals_95": None
         if model.intervals is None
         else dict(zip(names, map(numbers, model.intervals), strict=True)),
+        "theta_profile_95": _dead_time_profile(model),
         "correlation": None if model.correlation is None else numbers(model.correlation),
         "fitted": None if model.fitted is None else process_parameters(model.fitted),
         "fit_percent": number(model.fit_percent),
@@ -256,6 +258,15 @@ def model_body(model: Identification) -> Body:
         if model.choice is None
         else [structure_body(candidate) for candidate in model.choice.candidates],
     }
+
+
+def _dead_time_profile(model: Identification) -> Json:
+    """Interval of theta that follows the sum of squares; null without a first-order model."""
+    if not isinstance(model.process, FOPDT) or model.structure is None:
+        return None
+    if model.structure.structure.name != "first order":
+        return None
+    return [number(end) for end in profile_interval(model)]
 
 
 def structure_body(candidate: Candidate) -> Body:
