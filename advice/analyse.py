@@ -10,8 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-import numpy as np
-
 from loop.bode_integral import BodeIntegral, bode_integral
 from loop.closed_loop_poles import ClosedLoopPoles, closed_loop_poles
 from loop.compensators import Compensator, in_series
@@ -44,7 +42,6 @@ from tuning.performance_limits import (
 from tuning.profiles import DEFAULT_PROFILE, Profile, profile_named
 
 Part = TypeVar("Part")
-LOCUS_GAINS = np.geomspace(0.01, 10.0, 61)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,9 +210,7 @@ def analyse(
         poles=None
         if loops_on
         else part("Closed-loop poles", lambda: closed_loop_poles(whole, controller)),
-        locus=None
-        if loops_on
-        else part("Root locus", lambda: root_locus(whole, controller, k=LOCUS_GAINS)),
+        locus=None if loops_on else part("Root locus", lambda: root_locus(whole, controller)),
         routh=None
         if whole.theta
         else part(

@@ -25,6 +25,7 @@ from loop.signals import Complex, Real
 LONGEST_JUMP = 0.2
 POINTS_A_TURN = 8
 MOST_POINTS = 200_000
+DEFAULT_GAINS = 61
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,7 +74,8 @@ def root_locus(
     controller : PID
         Controller settings.
     k : ndarray, shape (n,), optional
-        Ascending positive factors; 0.01 to 10 in 81 steps if not given. [-]
+        Ascending positive factors; 0.01 to 10 in 61 steps if not given, less where infinitely
+        many poles would be unstable there. [-]
     rectangle : Rectangle, optional
         The picture; around the gain crossover if not given.
 
@@ -83,9 +85,18 @@ def root_locus(
         The factors do not ascend from above 0, or the picture is too large for the dead time.
     """
     loop = FactoredLoop.of(process, controller)
-    k = np.geomspace(0.01, 10.0, 81) if k is None else np.asarray(k, dtype=float)
+    largest = _largest_gain(loop)
+    if k is None:
+        top = min(10.0, 0.9 * largest) or 10.0
+        k = np.geomspace(1e-3 * top, top, DEFAULT_GAINS)
+    k = np.asarray(k, dtype=float)
     if k.size < 2 or not k[0] > 0 or not np.all(np.isfinite(k)) or np.any(np.diff(k) <= 0):
         raise ValueError("the factors on the gain must be positive and ascend, two or more of them")
+    if k[-1] >= largest:
+        raise ValueError(
+            f"from {largest:.4g} times the gain on infinitely many poles are unstable; "
+            "ask for smaller factors"
+        )
     crossings = _crossings(loop, float(k[0]), float(k[-1]))
     view = rectangle or _picture(loop, _with_gain(loop, float(k[-1])), crossings)
     nodes = nodes_for(loop, view) if loop.theta else 0
@@ -98,6 +109,13 @@ def root_locus(
         crossings=crossings,
         rectangle=view,
     )
+
+
+def _largest_gain(loop: FactoredLoop) -> float:
+    """Factor from which |L| stays at 1 or above at high frequency around a dead time. [-]"""
+    if not loop.theta or loop.excess > 0:
+        return math.inf
+    return math.exp(-loop.log_k) if loop.excess == 0 else 0.0
 
 
 def _with_gain(loop: FactoredLoop, k: float) -> FactoredLoop:

@@ -15,10 +15,10 @@ from service.analysis.schemas import (
     AnalyseLoop,
     AnalyseLoops,
     ExportModel,
-    any_process,
     column,
 )
 from service.errors import InvalidRequest
+from service.models.schemas import stated_process
 
 
 def analyse_loop(wanted: AnalyseLoop) -> Body:
@@ -30,7 +30,7 @@ def analyse_loop(wanted: AnalyseLoop) -> Body:
         A number cannot be.
     """
     try:
-        process = any_process(wanted.process)
+        process = stated_process(wanted.process)
         analysis = analyse(
             process,
             wanted.controller.settings(process),
@@ -54,7 +54,7 @@ def export_process(wanted: ExportModel) -> Script:
         A number cannot be.
     """
     try:
-        process = any_process(wanted.process)
+        process = stated_process(wanted.process)
         return export_model(process, wanted.target, sample_time=wanted.sample_time)
     except ValueError as error:
         raise InvalidRequest("body", str(error)) from error

@@ -10,53 +10,14 @@ from advice.analyse import Task
 from loop.compensators import Compensator, Lag, Lead, LeadLag, Notch
 from loop.controller import PID, Action
 from loop.feedback_sign import feedback_action
-from loop.process import Process, TransferFunction
+from loop.process import Process
 from service.loops.schemas import ProfileName
-from service.models.schemas import (
-    DoubleIntegratorBody,
-    FOPDTBody,
-    IPDTBody,
-    SOPDTBody,
-    stated_process,
-)
+from service.models.schemas import AnyProcessBody
 from service.schemas import Answer, Strict
 from service.tunings.schemas import MarginsBody
 from service.units import Positive, Quantity, Seconds, SecondsOrNone
 
-HIGHEST_ORDER = 12  # beyond, coefficients span more digits than a number has
 MOST_LOOPS = 20_000  # well under a second of work
-Coefficient: TypeAlias = Annotated[float, Field(ge=-1e30, le=1e30, allow_inf_nan=False)]
-Coefficients: TypeAlias = Annotated[
-    list[Coefficient], Field(min_length=1, max_length=HIGHEST_ORDER + 1)
-]
-
-
-class RationalBody(Strict):
-    """Any proper transfer function with dead time, n(s)/d(s) e^(-theta s)."""
-
-    kind: Literal["TransferFunction"]
-    numerator: Coefficients = Field(description="Highest power first. [time in s]")
-    denominator: Coefficients = Field(description="Highest power first. [time in s]")
-    theta: SecondsOrNone = Field(0.0, description="Dead time. [s]")
-
-
-AnyProcess: TypeAlias = Annotated[
-    FOPDTBody | SOPDTBody | IPDTBody | DoubleIntegratorBody | RationalBody,
-    Field(discriminator="kind"),
-]
-
-
-def any_process(body: AnyProcess) -> Process:
-    """Turn a stated process of any kind into the engineering model.
-
-    Raises
-    ------
-    ValueError
-        A parameter is out of its range, or the transfer function is not proper.
-    """
-    if isinstance(body, RationalBody):
-        return TransferFunction(tuple(body.numerator), tuple(body.denominator), body.theta)
-    return stated_process(body)
 
 
 class ControllerBody(Strict):
@@ -168,7 +129,7 @@ class TaskBody(Strict):
 class AnalyseLoop(Strict):
     """Ask for everything the classical toolbox says of a process with a controller."""
 
-    process: AnyProcess
+    process: AnyProcessBody
     controller: ControllerBody
     compensators: Annotated[list[AnyCompensator], Field(max_length=4)] = Field(
         [], description="In series with the controller."
@@ -272,7 +233,7 @@ def column(values: Values) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 class ExportModel(Strict):
     """Ask for a process model as a script for another tool."""
 
-    process: AnyProcess
+    process: AnyProcessBody
     target: Literal["python", "python-control", "matlab", "julia", "gekko", "do-mpc", "modelica"]
     sample_time: Seconds | None = Field(None, description="For gekko and do-mpc. [s]")
 

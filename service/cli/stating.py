@@ -12,12 +12,14 @@ from loop.process import (
     SOPDT,
     DoubleIntegrator,
     Process,
+    PureDelay,
     TransferFunction,
 )
 
 PROCESS_HELP = (
-    "FOPDT:K,TAU,THETA, SOPDT:K,TAU1,TAU2,THETA, IPDT:K,THETA, DoubleIntegrator:K,THETA or "
-    "TF:NUM/DEN,THETA with coefficients such as 1,2/1,3,2 (highest power first), in seconds."
+    "FOPDT:K,TAU,THETA, SOPDT:K,TAU1,TAU2,THETA, IPDT:K,THETA, DoubleIntegrator:K,THETA, "
+    "PureDelay:K,THETA or TF:NUM/DEN,THETA with coefficients such as 1,2/1,3,2 (highest power "
+    "first), in seconds."
 )
 CONTROLLER_HELP = "KC,TI,TD[,N[,TAUF]] (ISA form, seconds; TI and N may be inf)."
 
@@ -58,6 +60,9 @@ def _process(kind: str, rest: str) -> Process:
         case "DOUBLEINTEGRATOR", [numbers]:
             K, theta = _numbers(numbers, 2)
             return DoubleIntegrator(K=K, theta=theta)
+        case "PUREDELAY", [numbers]:
+            K, theta = _numbers(numbers, 2)
+            return PureDelay(K=K, theta=theta)
         case "TF", [above, below]:
             *denominator, theta = _numbers(below, None)
             return TransferFunction(tuple(_numbers(above, None)), tuple(denominator), theta)

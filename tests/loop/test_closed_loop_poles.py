@@ -154,5 +154,11 @@ def test_gains_that_make_no_locus_are_refused() -> None:
     for k in ([1.0], [0.0, 1.0], [2.0, 1.0], [1.0, math.inf]):
         with pytest.raises(ValueError, match="must be positive and ascend"):
             root_locus(HEATER, RUNNING, k=np.array(k))
+    flat = TransferFunction((0.5, 1.0), (1.0, 1.0), 1.0)
+    with pytest.raises(ValueError, match="from 4 times the gain on infinitely many poles"):
+        root_locus(flat, PID(Kc=0.5), k=np.array([1.0, 5.0]))
+    with pytest.raises(ValueError, match="from 0 times the gain on"):
+        root_locus(flat, PID(Kc=0.5, Td=1, N=math.inf))
+    assert root_locus(flat, PID(Kc=0.5)).k[-1] == pytest.approx(3.6)
     with pytest.raises(ValueError, match="ask for smaller factors"):
         root_locus(HEATER, RUNNING, k=np.array([1.0, 1e9]))

@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 
 from advice.analyse import Task, analyse
 from advice.analysis_body import analysis_body
-from advice.model_export import export_model
+from advice.model_export import TARGETS, export_model
 from loop.controller import PID, Action
 from loop.margins import margins
 from loop.process import FOPDT
@@ -95,6 +95,7 @@ def test_a_notch_in_series_counts_in_the_margins(client: TestClient) -> None:
         "kind": "TransferFunction",
         "numerator": [250 * w**2],
         "denominator": [1, 2 * 0.02 * w, w**2, 0, 0],
+        "theta": 0,
     }
     notch = {"kind": "Notch", "w0": w, "zeta_zero": 0.05, "zeta_pole": 0.5}
     others = [
@@ -126,12 +127,20 @@ def test_a_notch_in_series_counts_in_the_margins(client: TestClient) -> None:
                     "kind": "TransferFunction",
                     "numerator": [1, 2, 3],
                     "denominator": [1, 2],
+                    "theta": 0,
                 }
             },
             "must be proper: numerator of degree 2 over denominator of degree 1",
         ),
         (
-            {"process": {"kind": "TransferFunction", "numerator": [0], "denominator": [1, 2]}},
+            {
+                "process": {
+                    "kind": "TransferFunction",
+                    "numerator": [0],
+                    "denominator": [1, 2],
+                    "theta": 0,
+                }
+            },
             "numerator must hold finite coefficients that are not all zero",
         ),
         ({"controller": {"Kc": -1.0}}, "greater than 0"),
@@ -222,3 +231,31 @@ def test_a_model_is_exported_as_a_script(client: TestClient) -> None:
     refused = client.post("/v1/analysis/export", json=body)
     assert refused.status_code == 422
     assert "1000 is the most" in refused.json()["errors"][0]["detail"]
+
+
+@pytest.mark.parametrize(
+    ("process", "Td"),
+    [
+        ({"kind": "PureDelay", "K": 2.0, "theta": 5.0}, 0.0),
+        ({"kind": "IntegratorWithLag", "K": 0.1, "tau": 5.0, "theta": 1.0}, 1.0),
+        ({"kind": "DoubleIntegrator", "K": 0.1, "theta": 0.0}, 12.0),
+        ({"kind": "IPDT", "K": -0.1, "theta": 3.0}, 1.0),
+        ({"kind": "SOPDT", "K": 2.0, "tau1": 9.0, "tau2": 3.0, "theta": 0.0}, 1.0),
+    ],
+)
+def test_every_kind_of_process_is_analysed_and_exported(
+    client: TestClient, process: dict[str, Any], Td: float
+) -> None:
+    body = asked(
+        client, process=process, controller={"Kc": 0.2, "Ti": 50.0, "Td": Td}, scan_time=0.1,
+        task={"load": 1.0, "allowed": 9.0, "set_point_change": 1.0, "op_room": 99.0},
+    )  # fmt: skip
+    assert body["stable"] is True
+    assert body["poles"] is not None
+    # A gain with dead time alone has no falling L, and no such integral.
+    pure = process["kind"] == "PureDelay"
+    assert len(body["notes"]) == int(pure)
+    assert body["root_locus"] is not None
+    for target in TARGETS:
+        wanted = {"process": process, "target": target}
+        assert client.post("/v1/analysis/export", json=wanted).status_code == 200

@@ -8,7 +8,7 @@ import pytest
 from advice.analyse import Task, analyse
 from advice.analysis_body import analysis_body
 from loop.controller import PID
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, PureDelay
 from service.cli import run
 from service.cli.stating import process_from_text
 
@@ -54,6 +54,7 @@ def test_an_unstable_loop_is_said_to_be_one(said: Said) -> None:
 def test_processes_are_read_as_they_are_typed() -> None:
     assert process_from_text("sopdt:2,30,10,5") == SOPDT(K=2, tau1=30, tau2=10, theta=5)
     assert process_from_text("IPDT:0.1,5") == IPDT(K=0.1, theta=5)
+    assert process_from_text("PureDelay:2,5") == PureDelay(K=2, theta=5)
     assert process_from_text("DoubleIntegrator:0.1,0") == DoubleIntegrator(K=0.1, theta=0)
 
 
