@@ -9,6 +9,7 @@ from loop.batch import PIDBatch, ProcessBatch
 from loop.controller import PID
 from loop.falling_batch import falling_margins
 from loop.lag_loops import LagLoops
+from loop.margin_batch import batch_margins
 from loop.margins import margins
 from loop.process import FOPDT, SOPDT, Process
 
@@ -51,3 +52,19 @@ def test_weak_and_strong_loops_in_one_batch_do_not_disturb_each_other() -> None:
         alone, _ = falling_margins(mixed.take(np.array([i])))
         for name in NAMES:
             assert getattr(together, name)[i] == pytest.approx(getattr(alone, name)[0], rel=1e-12)
+
+
+def test_a_large_batch_is_worked_off_in_parts_that_do_not_show() -> None:
+    """More loops than go through at once, and more that need the scan than it takes at a time."""
+    n = 2400
+    theta = np.geomspace(0.05, 20.0, n)
+    plants = ProcessBatch(np.ones(n), np.ones(n), np.zeros(n), np.zeros(n, int), theta)
+    controllers = PIDBatch(0.4 / theta, Ti=1.5 + 0 * theta, Td=0.4 * theta)
+    whole = batch_margins(plants, controllers)
+    for rows in (np.arange(0, n, 97), np.arange(n - 20, n)):
+        part = PIDBatch(controllers.Kc[rows], Ti=controllers.Ti[rows], Td=controllers.Td[rows])
+        alone = batch_margins(plants.take(rows), part)
+        for name in NAMES:
+            np.testing.assert_allclose(
+                getattr(whole, name)[rows], getattr(alone, name), rtol=1e-9, atol=1e-12
+            )
