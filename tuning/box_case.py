@@ -21,17 +21,13 @@ from tuning.box_search import Search
 from tuning.profiles import Profile
 from tuning.uncertain_loop import Errors, UncertainLoop, error_sizes
 
-# A plant on the limit of stability is pushed over it by at most these factors on its gain.
-PUSHES = (1.0, *(1 + way * 10.0**-k for k in range(12, 2, -1) for way in (1, -1)))
 NAMES = tuple(item.name for item in fields(Margins))
 UNSTABLE = Margins(gain=0.0, gain_reduction=0.0, phase=0.0, delay=0.0, Ms=math.inf, Mt=math.inf)
 Tried: TypeAlias = list[tuple[Process, Margins]]
 
 
-def plant_words(plant: Process | None) -> str:
+def plant_words(plant: Process) -> str:
     """Parameters of a plant in one line."""
-    if plant is None:
-        return "none"
     if isinstance(plant, TransferFunction):
         n, d = (" ".join(f"{a:.6g}" for a in p) for p in (plant.numerator, plant.denominator))
         return f"numerator {n}, denominator {d}, theta = {plant.theta:.6g}"
@@ -165,12 +161,12 @@ class BoxCase:
             if not np.any(np.isnan(point)):
                 plants.append(self._plant_at(name, point))
         judged = self.all_judged(plants)
-        unstable = next((plant for plant, found in judged if found is UNSTABLE), None)
-        if unstable is None and math.isinf(search.found[0]):
-            unstable = self._pushed(search.points[0])
+        # Where L passes -1 to within rounding the plant is on the limit, whatever the count says.
+        limit = self._plant_at("Ms", search.points[0]) if math.isinf(search.found[0]) else None
+        unstable = next((plant for plant, found in judged if found is UNSTABLE), limit)
         return [pair for pair in judged if pair[1] is not UNSTABLE], unstable
 
-    def _plant_at(self, name: str, point: Real, push: float = 1.0) -> Process:
+    def _plant_at(self, name: str, point: Real) -> Process:
         """The plant that is worst at one frequency and one set of time constants."""
         loop = self.loop
         there = loop.enclose(point[None], point[None])
@@ -191,14 +187,6 @@ class BoxCase:
         }.get(name, unit)
         if name == "delay":
             theta = loop.theta_high
-        gain = min(max(gain * push, least), most)
+        gain = min(max(gain, least), most)
         theta = min(max(theta, loop.theta_low), loop.theta_high)
         return loop.plant(self.process, gain, point, theta)
-
-    def _pushed(self, point: Real) -> Process:
-        """An unstable plant next to one on the limit; that one where none is."""
-        for push in PUSHES:
-            plant = self._plant_at("Ms", point, push)
-            if self.judged(plant)[1] is UNSTABLE:
-                return plant
-        return self._plant_at("Ms", point)

@@ -97,7 +97,7 @@ class BoxProof:
         """What makes the bounds rigorous, in words."""
         moved = " x ".join(f"{name} ±{100 * e:g} %" for name, e in self.errors.items() if e)
         box = f"the box {moved}" if moved else "the model alone"
-        if self.stable is False:
+        if self.unstable_plant is not None:
             return f"An unstable plant lies in {box}: {plant_words(self.unstable_plant)}."
         if self.stable is None:
             return (

@@ -40,7 +40,8 @@ class BoxOptimum:
     settings : OptimalSettings
         The settings with areas and margins at the model.
     verdict : BoxVerdict
-        The proof; `holds` is None where its budget ran out.
+        The proof; `holds` is None where its budget ran out, and False where no gain near the one
+        found was proven in eight rounds.
     errors : dict of str to float
         The box. [-]
     """

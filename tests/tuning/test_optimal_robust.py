@@ -23,7 +23,7 @@ LIMITS = LoopLimits.of(GENERAL)
 HEATER = FOPDT(K=2.0, tau=120.0, theta=30.0)
 
 
-def _draws(n: int = 200) -> Real:
+def _draws(n: int = 100) -> Real:
     rng = np.random.default_rng(4)
     spread = np.exp(np.array([0.15, 0.2, 0.15]) * rng.standard_normal((n, 3)))
     return np.asarray(np.array([2.0, 120.0, 30.0]) * spread)
@@ -65,14 +65,11 @@ def test_a_general_process_has_a_proven_optimum_too() -> None:
     assert found.settings.margins.Ms < 2.0
 
 
-@pytest.mark.parametrize("structure", ["PI", "PID"])
-def test_the_stated_part_of_the_draws_keeps_the_limits(structure: Structure) -> None:
+def test_the_stated_part_of_the_draws_keeps_the_limits() -> None:
     draws = _draws()
     areas = []
     for probability in (1.0, 0.9):
-        found = optimal_over_draws(
-            HEATER, draws, LIMITS, structure=structure, probability=probability
-        )
+        found = optimal_over_draws(HEATER, draws, LIMITS, probability=probability)
         plants = ProcessBatch(
             K=draws[:, 0],
             tau1=draws[:, 1],
@@ -83,8 +80,8 @@ def test_the_stated_part_of_the_draws_keeps_the_limits(structure: Structure) -> 
         kept = batch_margins(plants, PIDBatch.of(found.settings.pid))
         holds = kept.stable & (kept.Ms <= 2.0) & (kept.phase >= 45.0)
         holds &= kept.gain >= GENERAL.gain
-        assert found.draws == 200
-        assert found.missed == 200 - np.count_nonzero(holds)
+        assert found.draws == 100
+        assert found.missed == 100 - np.count_nonzero(holds)
         assert found.probability == np.mean(holds) >= probability
         assert found.at_least < found.probability
         areas.append(found.settings.load_IAE)
