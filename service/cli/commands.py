@@ -34,6 +34,11 @@ COMMANDS = (
         "Identify the process behind a step test, with its errors and a verdict.",
     ),
     Entry(
+        "repeats",
+        "service.cli.repeats:repeats",
+        "Pool repeated step tests of one loop, and say which of them does not belong.",
+    ),
+    Entry(
         "assess",
         "service.cli.assess:assess",
         "Say what is wrong with each loop of an export, a folder or the installation, and why.",
