@@ -14,7 +14,7 @@ from identification.whitened_search import lag_samples
 from loop.controller import PID, Action
 from loop.errors import PoorExcitation
 from loop.open_loop import process_output
-from loop.process import FOPDT
+from loop.process import FOPDT, SOPDT
 from loop.record import Mode, Record
 from loop.signals import Real
 from loop.simulation import simulate
@@ -186,3 +186,95 @@ def test_a_record_without_any_set_point_says_so() -> None:
     even = even_record(Record(t=record.t, pv=record.pv, op=record.op, mode=record.mode))
     with pytest.raises(PoorExcitation, match="Export the set point too"):
         find_segments(even)
+
+
+def test_moves_in_manual_and_the_switch_to_automatic_are_moves_too() -> None:
+    t = np.arange(2400.0)
+    op = np.where((t >= 300) & (t < 700), 53.0, 50.0)
+    manual = t < 1200
+    pv = process_output(HEATER, t[:1200], op[:1200], pv0=40.0)
+    run = simulate(
+        HEATER, SETTINGS, t_end=1199.5, dt=1.0, sp=43.0, pv0=40.0, op0=50.0,
+        noise=0.05, rng=np.random.default_rng(5),
+    )  # fmt: skip
+    noise = np.random.default_rng(6).normal(0.0, 0.05, 1200)
+    record = Record(
+        t=t,
+        sp=np.full(t.size, 43.0),
+        pv=np.concatenate((pv + noise, run.pv)),
+        op=np.concatenate((op[:1200], run.op)),
+        mode=np.where(manual, Mode.MAN, Mode.AUTO).astype(np.int8),
+    )
+    search = find_segments(even_record(record))
+    assert [(m.kind, m.first) for m in search.moves] == [
+        (Excitation.OUTPUT, 300),
+        (Excitation.OUTPUT, 700),
+        (Excitation.SWITCH, 1200),
+    ]
+    found = identify_routine(record)
+    assert isinstance(found.process, FOPDT)
+    assert found.process.theta == pytest.approx(15.0, abs=1.0)
+    assert "2 output move in manual, 1 switch" in found.reasons[-1]
+
+
+def test_a_set_point_that_goes_there_and_back_at_once_counts_by_its_reach() -> None:
+    record = routine(1, moves=0, n=1200)
+    assert record.sp is not None
+    sp = np.where((record.t >= 600) & (record.t < 603), 42.0, record.sp)
+    (move,) = find_segments(even_record(_with_set_point(record, sp))).moves
+    assert (move.first, move.size) == (600, 2.0)
+
+
+def test_gaps_right_after_every_move_leave_nothing() -> None:
+    record = routine(1, moves=1, n=1200)
+    pv = np.where((record.t > 610) & (record.t < 900), np.nan, record.pv)
+    found = identify_routine(Record(t=record.t, sp=record.sp, pv=pv, op=record.op))
+    assert "fewer than 30 rows after every one of 1 moves" in found.reasons[0]
+
+
+def test_two_equal_lags_almost_without_noise_are_refused_rather_than_misread() -> None:
+    t = np.arange(3000.0)
+    sp = 40.0 + 5.0 * (t // 500 % 2)
+    run = simulate(
+        SOPDT(K=1.0, tau1=40.0, tau2=30.0, theta=5.0), PID(Kc=1.5, Ti=60.0), t_end=2999.5, dt=1.0,
+        sp=sp, noise=0.01, rng=np.random.default_rng(1), pv0=40.0, op0=50.0,
+    )  # fmt: skip
+    found = identify_routine(Record(t=run.t, sp=run.sp, pv=run.pv, op=run.op))
+    assert any("not quite first order" in reason for reason in found.reasons)
+    assert found.verdict is Verdict.REFUSED
+
+
+def test_a_gain_that_no_process_has_is_refused() -> None:
+    record = routine(1, moves=2, n=1200)
+    assert record.sp is not None
+    tiny = Record(t=record.t, sp=1e-12 * record.sp, pv=1e-12 * record.pv, op=record.op)
+    found = identify_routine(tiny)
+    assert found.process is None
+    assert found.reasons[0].startswith("K must lie within")
+
+
+@pytest.mark.parametrize(
+    ("keep", "what"),
+    [(60, "samples every 60 s"), (20, "samples every 20 s")],
+)
+def test_coarse_samples_cost_the_verdict(keep: int, what: str) -> None:
+    record = routine(1, moves=6, n=10_000)
+    assert record.sp is not None
+    thin = Record(
+        t=record.t[::keep], sp=record.sp[::keep], pv=record.pv[::keep], op=record.op[::keep]
+    )
+    found = identify_routine(thin)
+    assert found.verdict is not Verdict.TRUSTED
+    assert any(what in reason.lower() for reason in found.reasons)
+
+
+def test_a_short_record_of_a_slow_process_leaves_its_parameters_open() -> None:
+    slow = FOPDT(K=1.0, tau=4000.0, theta=15.0)
+    found = identify_routine(
+        routine(3, process=slow, settings=PID(Kc=20.0, Ti=300.0), moves=1, n=500, noise=0.05)
+    )
+    assert found.verdict is not Verdict.TRUSTED
+
+
+def _with_set_point(record: Record, sp: Real) -> Record:
+    return Record(t=record.t, sp=sp, pv=record.pv, op=record.op, mode=record.mode)
