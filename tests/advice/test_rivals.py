@@ -1,6 +1,9 @@
 """What else a record may mean is taken into account before anything is recommended."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from advice.identifying import identified
 from advice.rivals import rivals
@@ -8,7 +11,7 @@ from advice.tune import tune
 from identification.verdict import Verdict
 from loop.margins import margins
 from loop.open_loop import process_output
-from loop.process import FOPDT, SOPDT
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
 from loop.record import Record
 
 PROCESS = FOPDT(K=2.0, tau=60.0, theta=10.0)
@@ -64,3 +67,40 @@ def test_draws_of_two_lags_keep_both() -> None:
     found = rivals(record, model)
     assert found is not None
     assert found.processes.tau2.min() > 0
+
+
+def test_a_whitened_fit_that_calls_for_other_settings_is_taken_into_account() -> None:
+    t = np.arange(900.0)
+    op = np.where(t < 300, 40.0, 45.0)
+    pv = process_output(PROCESS, t, op) + np.random.default_rng(3).normal(0.0, 0.05, t.size)
+    record = Record(t=t, pv=pv, op=op)
+    model = identified(record)
+    for other in (FOPDT(K=2.0, tau=30.0, theta=1.0), IPDT(K=0.1, theta=10.0)):
+        found = rivals(record, replace(model, process=other))
+        assert found is not None
+        assert any("wandering disturbance" in note for note in found.notes)
+        assert found.processes.tau1[-1] == pytest.approx(60.0, rel=0.05)
+
+
+def test_without_known_errors_the_model_stands_alone() -> None:
+    t = np.arange(900.0)
+    op = np.where(t < 300, 40.0, 45.0)
+    pv = process_output(PROCESS, t, op) + np.random.default_rng(3).normal(0.0, 0.05, t.size)
+    record = Record(t=t, pv=pv, op=op)
+    model = replace(identified(record), choice=None, standard_errors=None)
+    found = rivals(record, model)
+    assert found is not None
+    assert found.processes.shape == (1,)
+    assert rivals(record, replace(model, process=DoubleIntegrator(K=1.0, theta=1.0))) is None
+    assert rivals(record, replace(model, process=None)) is None
+
+
+def test_uneven_samples_are_not_fitted_again() -> None:
+    rng = np.random.default_rng(5)
+    t = np.cumsum(rng.exponential(1.0, 900))
+    op = np.where(t < 300, 40.0, 45.0)
+    pv = process_output(PROCESS, t, op) + rng.normal(0.0, 0.05, t.size)
+    record = Record(t=t, pv=pv, op=op)
+    found = rivals(record, identified(record))
+    assert found is not None
+    assert not any("wandering disturbance" in note for note in found.notes)

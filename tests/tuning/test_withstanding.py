@@ -74,3 +74,11 @@ def test_an_answer_without_a_recommendation_stays_one(answer: Tunings) -> None:
 
 def test_no_settings_hold_nowhere() -> None:
     assert holding([], batch(MODEL), GENERAL).size == 0
+
+
+def test_without_any_dead_time_nothing_bounds_how_slow_is_enough() -> None:
+    quick = FOPDT(K=2.0, tau=60.0, theta=0.0)
+    found = tunings(quick, GENERAL, tau_c=20.0)
+    assert found.recommendation.index is not None
+    held = withstanding(found, quick, batch(quick, FOPDT(K=-2.0, tau=60.0, theta=0.0)))
+    assert held.recommendation.index is None
