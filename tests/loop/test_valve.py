@@ -100,7 +100,7 @@ def test_choudhury_and_kano_agree_scan_by_scan_while_the_jump_is_within_the_band
     assert np.array_equal(stem_positions(choudhury, op), stem_positions(kano, op))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(S=quarters, J=quarters, more=quarters, seed=st.integers(0, 999))
 def test_floats_and_arrays_are_one_law(S: float, J: float, more: float, seed: int) -> None:
     op, ones = wandering(seed, 200), np.ones(2)

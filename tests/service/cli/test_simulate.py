@@ -54,7 +54,7 @@ def test_it_prints_what_a_notebook_finds(said: Said) -> None:
 
 def test_a_person_reads_a_table_for_each_event(said: Said) -> None:
     call = f"simulate {HEATER} 0.9,135,13.3 --against 3,60,0 --load 2 --transfer 1 --spread 20"
-    assert run([*call.split(), "--length", "300000", "--scan-time", "20"]) == 0
+    assert run([*call.split(), "--length", "90000", "--scan-time", "20"]) == 0
     out, err = said()
     assert err == ""
     for words in ("Load", "Transfer", "peak PV", "bump at the transfer", "over 100 processes"):
