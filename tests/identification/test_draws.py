@@ -30,14 +30,13 @@ def estimates(model: Identification) -> list[float]:
     return [model.fitted.K, model.fitted.tau, model.fitted.theta]
 
 
-@pytest.mark.parametrize("gain", [2.0, -2.0])
-def test_draws_scatter_and_move_together_as_repeated_tests_do(gain: float) -> None:
-    models = [found(gain=gain, seed=seed) for seed in range(80)]
+def test_draws_scatter_and_move_together_as_repeated_tests_do() -> None:
+    models = [found(gain=-2.0, seed=seed) for seed in range(60)]
     repeats = np.array([estimates(model) for model in models])
     # Draws about each of them, so that no single noise decides.
     draws = np.concatenate([parameter_draws(m, n=50, seed=i) for i, m in enumerate(models)])
     off = draws - np.repeat(repeats, 50, axis=0)
-    # The scatter of 80 repeats is itself known to 8 %.
+    # The scatter of 60 repeats is itself known to 9 %, a correlation to 0.1.
     np.testing.assert_allclose(off.std(axis=0), repeats.std(axis=0), rtol=0.25)
     np.testing.assert_allclose(np.corrcoef(off.T), np.corrcoef(repeats.T), atol=0.25)
 
