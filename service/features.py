@@ -18,6 +18,7 @@ from service.keys.routes import router as keys
 from service.loops.routes import router as loops
 from service.models.routes import router as models
 from service.plans.routes import router as plans
+from service.plantwide.routes import router as plantwide
 from service.records.routes import router as records
 from service.records.routes import samples_router as samples
 from service.sheets.routes import router as sheets
@@ -25,8 +26,8 @@ from service.simulations.routes import router as simulations
 from service.tunings.routes import router as tunings
 
 ROUTERS: tuple[APIRouter, ...] = (
-    loops, samples, models, tunings, analysis, simulations, plans, sheets, assessments, jobs, keys,
-    audit, operation
+    loops, samples, models, tunings, analysis, simulations, plans, sheets, assessments, plantwide,
+    jobs, keys, audit, operation
 )  # fmt: skip
 UPLOADS: tuple[APIRouter, ...] = (records,)
 
