@@ -4,7 +4,9 @@ import numpy as np
 
 from identification.closed_loop import identify_routine, is_routine
 from identification.identify import Identification, identify
+from identification.relay_model import relay_model
 from identification.running_controller import RunningController, running_controller
+from loop.errors import NoLimitCycle
 from loop.record import Record
 
 
@@ -12,8 +14,9 @@ def identified(record: Record) -> Identification:
     """Identify the process behind a record, whichever way it was recorded.
 
     A record whose output moved in manual is an open-loop test. One that was in automatic, or
-    whose set point moved while no mode is known, is routine data. The open-loop fit never hands a
-    record that it could fit and refused over to the other one.
+    whose set point moved while no mode is known, is routine data. An output that switches between
+    two levels like a relay's is a relay test in either, if its cycles carry a model. The
+    open-loop fit never hands a record that it could fit and refused over to the other one.
 
     Parameters
     ----------
@@ -25,6 +28,9 @@ def identified(record: Record) -> Identification:
     Identification
         A refusal is a result too, with its reasons.
     """
+    by_relay = _relay(record)
+    if by_relay is not None:
+        return by_relay
     if record.mode is None:
         return identify_routine(record) if _set_point_moved(record) else identify(record)
     found = identify(record)
@@ -45,6 +51,15 @@ def as_found(record: Record, model: Identification) -> RunningController | None:
     """
     test = bool(model.steps) or not is_routine(record)
     return None if test or record.sp is None else running_controller(record)
+
+
+def _relay(record: Record) -> Identification | None:
+    """Model of a relay test, None where the record is none or carries none."""
+    try:
+        found = relay_model(record).model
+    except NoLimitCycle:
+        return None
+    return None if found.process is None else found
 
 
 def _set_point_moved(record: Record) -> bool:
