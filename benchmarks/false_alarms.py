@@ -25,7 +25,9 @@ from monitoring.stiction_result import Stiction, StictionVerdict
 SEED = 900
 SAMPLES = 2000
 EPISODES = Path(__file__).parent.parent.parent / "shared" / "data" / "refinery_loops"
-FINEST_SCORE = 1e-9
+# The probability is calibrated with sticking and other loops equally likely beforehand: a refusal
+# leaves just that.
+PRIOR = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +99,11 @@ def episode_probabilities(folder: Path = EPISODES) -> dict[str, tuple[int, float
                 stretch, oscillation(stretch.error, dt), integrating="LIC" in row["loop"]
             )
             found[row["loop"]].append(
-                (int(row["stiction"]), said.probability or 0.0, float(row["plant_index"]))
+                (
+                    int(row["stiction"]),
+                    PRIOR if said.probability is None else said.probability,
+                    float(row["plant_index"]),
+                )
             )
     return {
         loop: (
@@ -254,7 +260,11 @@ def _episodes() -> tuple[Target, str]:
                at_least=True),
         f"Refinery episodes by loop: {value * pairs:g} of {pairs} pairs won, AUC {value:.3f}, "
         f"bootstrap {low:.3f} to {high:.3f}; the plant's own index {auc(label, plant):.3f} on the "
-        f"same loops. They chose nothing here. Highest mean probabilities: {listed}.",
+        f"same loops. They chose nothing here. Episodes that are refused count one half: "
+        f"{int(np.count_nonzero(label[ours == PRIOR]))} of the {int(label.sum())} sticky loops are "
+        f"refused throughout, PV or OP hardly moving; with 0 for them the AUC is "
+        f"{auc(label, np.where(ours == PRIOR, 0.0, ours)):.3f}. "
+        f"Highest mean probabilities: {listed}.",
     )  # fmt: skip
 
 

@@ -109,7 +109,8 @@ def diagnose(indices: Indices, profile: ScoreProfile) -> Diagnosis:
     if not found:
         return _healthy(indices)
     first = found[0]
-    others = tuple(dict.fromkeys(d.cause for d in found[1:] if d.cause is not first.cause))
+    further = (d.cause for d in found[1:] if d.cause is not first.cause)
+    others = tuple(dict.fromkeys((*first.others, *further)))
     return Diagnosis(
         cause=first.cause,
         confidence=first.confidence,
@@ -149,6 +150,8 @@ def _sensor(indices: Indices, profile: ScoreProfile) -> Diagnosis | None:
         confidence=Confidence.HIGH if len(evidence) > 1 else Confidence.MEDIUM,
         evidence=tuple(evidence),
         action=Action.CHECK_SENSOR,
+        # A PV that stands still while OP moves may also be a valve that does not move.
+        others=(Cause.VALVE,) if sensor.frozen else (),
     )
 
 
