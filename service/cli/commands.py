@@ -41,7 +41,7 @@ COMMANDS = (
     Entry(
         "assess",
         "service.cli.assess:assess",
-        "Say what is wrong with each loop of an export, a folder or the installation, and why.",
+        "Assess routine data: what is wrong with each loop, how sure that is, and what to do next.",
     ),
     Entry(
         "analyse",
