@@ -30,6 +30,7 @@ from monitoring.set_point_moves import SetPointMoves, set_point_moves
 from monitoring.stiction import stiction
 from monitoring.stiction_result import StictionVerdict
 from monitoring.usage import usage
+from monitoring.valve_size import valve_range
 
 # Rows of a record count as even where no spacing is off by more than this part of the usual one.
 EVEN = 0.01
@@ -153,6 +154,7 @@ def assess(
         usage=used,
         error=error_statistics(signals, limits=pv_limits),
         sensor=sensor,
+        valve_range=valve_range(signals),
         control=None
         if stretch is None
         else _control(

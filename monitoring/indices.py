@@ -12,6 +12,7 @@ from monitoring.sensor import SensorHealth
 from monitoring.set_point_moves import SetPointMoves
 from monitoring.stiction_result import Stiction
 from monitoring.usage import Usage
+from monitoring.valve_size import ValveRange
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +54,8 @@ class Indices:
         How far PV was from its set point.
     sensor : SensorHealth
         What the measurement is worth.
+    valve_range : ValveRange
+        Where the valve works in its range.
     control : ControlIndices or None
         How it controls; None where the controller was never free to act for long enough.
     """
@@ -60,4 +63,5 @@ class Indices:
     usage: Usage
     error: ErrorStatistics
     sensor: SensorHealth
+    valve_range: ValveRange
     control: ControlIndices | None
