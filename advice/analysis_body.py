@@ -5,7 +5,6 @@ are lists of real and of imaginary parts.
 """
 
 from dataclasses import asdict
-from enum import Enum
 
 import numpy as np
 
@@ -144,8 +143,6 @@ def _said(value: object) -> Json:
             return {str(name): _said(item) for name, item in value.items()}
         case list() | tuple():
             return [_said(item) for item in value]
-        case Enum():
-            return str(value.value)
         case bool() | str() | None:
             return value
         case int():

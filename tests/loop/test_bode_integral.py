@@ -81,3 +81,10 @@ def test_the_wrong_action_shows_as_an_unstable_pole_without_any_cancellation() -
     found = internal_stability(HEATER, PID(Kc=0.45, Ti=135, action=Action.DIRECT))
 
     assert (found.stable, found.unstable, found.cancellations) == (False, 1, ())
+
+
+def test_an_unstable_pole_that_nothing_hides_is_counted_and_not_named() -> None:
+    process = TransferFunction((1.0,), (10.0, -1.0))
+    found = internal_stability(process, PID(Kc=0.5))
+
+    assert (found.unstable, found.cancellations) == (1, ())
