@@ -40,6 +40,9 @@ LEAD = 300
 SEEN, CERTAIN = 4.0, 6.0
 # Spacing of the samples against tau + theta: the output is only known at samples.
 COARSE, TOO_COARSE = 0.1, 0.35
+# Stated errors do not cover the error of one lag for several, which in a loop with little noise was
+# up to four times as large: a fifth takes the place of the half that tuning is verified for.
+UNSURE = 0.1
 # What the answer to somebody's moves must be, against what PV does by itself.
 WEAK = 3.0
 
@@ -182,13 +185,13 @@ def _described(
 
 
 def _judge_errors(fit: PredictionErrorFit, intervals: Real) -> Finding:
-    """Hold the 95 % intervals against the ±50 % that tuning is verified for."""
+    """Hold the 95 % intervals against a part of the ±50 % that tuning is verified for."""
     half = np.diff(intervals, axis=1)[:, 0] / 2
     estimates = np.array([fit.K, fit.tau, fit.theta])
     upper = intervals[:, 1] - estimates
     sizes = np.array([abs(fit.K), fit.tau, fit.theta + fit.tau])
     relative = np.maximum(half, upper) / sizes
-    verdict = graded(float(relative.max()), WIDE, TOO_WIDE)
+    verdict = graded(float(relative.max()), UNSURE, WIDE)
     if relative.max() > 1:
         text = "K, tau and theta are not determined by the record, their errors exceed themselves"
         return Finding(verdict=verdict, reason=text)
@@ -198,8 +201,9 @@ def _judge_errors(fit: PredictionErrorFit, intervals: Real) -> Finding:
     )
     if verdict is Verdict.REFUSED:
         text += (
-            "; beyond ±50 % no tuning is verified. More or larger set-point moves, or an output "
-            "step in manual, would narrow that"
+            f"; beyond ±{WIDE:.0%} routine data are no longer trusted, since the errors do not "
+            "cover what one lag leaves out. More or larger set-point moves, or an output step in "
+            "manual, would narrow that"
         )
     return Finding(verdict=verdict, reason=text)
 

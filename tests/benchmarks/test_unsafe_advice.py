@@ -22,7 +22,7 @@ def outcome(*, Ms: float, advised: bool = True, good: bool = True) -> Outcome:
 def test_a_few_random_plants_get_no_unsafe_advice(route: str) -> None:
     found = outcomes(range(4), route)
     assert [one.seed for one in found if one.unsafe] == []
-    assert sum(one.advised for one in found) >= 2
+    assert sum(one.advised for one in found) >= 1
 
 
 def test_the_section_counts_harm_and_refusals() -> None:
