@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy.linalg import expm
 
 from loop.batch import ProcessBatch
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process, TransferFunction
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process, PureDelay, TransferFunction
 from loop.signals import Real
 
 # A dead time this close to a whole number of scans, in scans, is that number: 3 x 0.1 s is 0.3 s.
@@ -70,7 +70,7 @@ def _space(
     return StateSpace(A=np.array(A), B=np.array(B), C=np.array(C), D=D)
 
 
-def _companion(process: TransferFunction) -> StateSpace:
+def _companion(process: PureDelay | TransferFunction) -> StateSpace:
     """Controllable companion form in a time unit in which the poles are of size one."""
     d = np.array(process.denominator)
     order = d.size - 1

@@ -29,7 +29,7 @@ def test_the_recommendation_holds_on_the_true_process(heater_test: Record, heate
 def test_a_falling_process_gets_the_direct_action(cooler_test: Record) -> None:
     case = tune(cooler_test)
 
-    assert case.process is not None
+    assert isinstance(case.process, FOPDT)
     assert pytest.approx(-0.5, rel=0.02) == case.process.K
     assert {t.proposal.pid.action for t in case.tunings if t.proposal.pid} == {Action.DIRECT}
 

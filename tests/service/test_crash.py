@@ -34,7 +34,7 @@ from service.settings import Settings
 from service.tables import AuditRow, RecordRow, SheetDecisionRow, SheetRow
 from tests.service.served import Running, Services
 
-KILLS = {"sqlite": 50, "postgresql": 10}
+KILLS = {"sqlite": 40, "postgresql": 10}
 PATIENCE = 60.0  # s
 ANSWERS = 2  # to wait for, at most, before a kill
 ROWS = 24
