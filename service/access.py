@@ -17,7 +17,16 @@ from service.keys.actions import actor_with_token
 
 _READING = frozenset({"GET", "HEAD", "OPTIONS"})
 # Questions too long for an address: posted, worked out, answered, and nothing is kept.
-ASKING = frozenset({"/v1/analysis", "/v1/analysis/batch", "/v1/plantwide", "/v1/simulations"})
+ASKING = frozenset(
+    {
+        "/v1/analysis",
+        "/v1/analysis/batch",
+        "/v1/analysis/export",
+        "/v1/plans",
+        "/v1/plantwide",
+        "/v1/simulations",
+    }
+)
 
 
 class Door:

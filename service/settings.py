@@ -47,6 +47,13 @@ class Settings(BaseSettings):
     def _off_is_never(cls, stated: object) -> object:
         return None if stated == "off" else stated
 
+    @field_validator("daily_at")
+    @classmethod
+    def _must_be_utc(cls, at: time | None) -> time | None:
+        if at is not None and at.utcoffset():
+            raise ValueError(f"daily_at is a time in UTC, such as 02:00, got {at.isoformat()}")
+        return None if at is None else at.replace(tzinfo=None)
+
     @field_validator("database_url")
     @classmethod
     def _must_be_an_address(cls, text: str | None) -> str | None:

@@ -43,8 +43,9 @@ def daily(held: Database, at: time, clock: Callable[[], datetime] = now) -> Call
     """Give the function that adds the daily jobs that are due."""
 
     def add_due() -> None:
+        moment = clock()
         with held.readings() as session:
-            days = due_days(at, clock(), _last_day(session))
+            days = due_days(at, moment, _last_day(session, moment))
         for day in days:
             with held.transaction() as session:
                 start = datetime.combine(day, time(), UTC)
@@ -66,6 +67,9 @@ def daily(held: Database, at: time, clock: Callable[[], datetime] = now) -> Call
     return add_due
 
 
-def _last_day(session: Session) -> date | None:
-    key = session.scalar(select(func.max(JobRow.key)).where(JobRow.key.startswith(DAILY)))
+def _last_day(session: Session, clock: datetime) -> date | None:
+    """Name the last day there was a run for; days to come, from a clock once wrong, don't count."""
+    today = f"{DAILY}{clock.astimezone(UTC).date().isoformat()}"
+    runs = JobRow.key.startswith(DAILY) & (JobRow.key <= today)
+    key = session.scalar(select(func.max(JobRow.key)).where(runs))
     return None if key is None else date.fromisoformat(key.removeprefix(DAILY))

@@ -2,15 +2,17 @@
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import TypeAlias
 from uuid import UUID
 
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from service.database import Database
+from service.errors import NotReady
 from service.jobs import store
 from service.tables import now
 
@@ -91,12 +93,17 @@ class Task:
 
     @contextmanager
     def signs_of_life(self, every: timedelta = HEARTBEAT) -> Iterator[None]:
-        """Give signs of life from a thread of its own while the work goes on."""
+        """Give signs of life from a thread of its own while the work goes on.
+
+        A database that is away for a moment costs one of them and not all that would follow.
+        """
         over = threading.Event()
 
         def beat() -> None:
-            while not over.wait(every.total_seconds()) and self.is_alive():
-                pass
+            while not over.wait(every.total_seconds()):
+                with suppress(SQLAlchemyError, NotReady):
+                    if not self.is_alive():
+                        return
 
         thread = threading.Thread(target=beat, name="signs of life", daemon=True)
         thread.start()

@@ -7,20 +7,23 @@ from collections.abc import Callable, Mapping
 from uuid import UUID, uuid4
 
 import structlog
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from historian.sample_store import SampleStore
-from loop.errors import LoopError
+from loop.errors import LoopError, StoreBusy
 from service import audit
 from service.actors import Actor, Role
 from service.database import Database
-from service.errors import ServiceError
+from service.errors import NotReady, ServiceError
 from service.jobs import store
 from service.jobs.actions import end_job
 from service.jobs.task import Kind, Task, TaskCancelled, TaskLost
 
 log = structlog.get_logger()
 
+# What passes: the same step may well succeed in a minute.
+_AWAY = (OperationalError, PoolTimeout, NotReady, StoreBusy)
 IDLE = 2.0  # s between two looks for work: a daily run waits hours, a person watches seconds
 
 
@@ -49,15 +52,21 @@ class Worker:
         self.stopping = threading.Event()
 
     def run(self) -> None:
-        """Work until told to stop; a database that is away is waited for."""
+        """Work until told to stop; nothing else ends it, and a database that is away is waited for.
+
+        Whatever goes wrong is logged and tried again: a worker that died of it would leave the
+        service answering, and no job done.
+        """
         while not self.stopping.is_set():
             try:
                 if self._schedule is not None:
                     self._schedule()
                 if self.work_once():
                     continue
-            except SQLAlchemyError as error:
+            except (SQLAlchemyError, NotReady) as error:
                 log.warning("job database", reason=type(error).__name__)
+            except Exception:
+                log.exception("jobs")
             self.stopping.wait(IDLE)
 
     def work_once(self, job_id: UUID | None = None) -> bool:
@@ -93,6 +102,9 @@ class Worker:
             log.warning("job lost", job=str(task.job_id))
         except TaskCancelled:
             self._put_down(task)
+        except _AWAY as error:
+            # Not the job's fault: it stays held until its lease ends, and then goes on.
+            log.warning("job interrupted", job=str(task.job_id), reason=type(error).__name__)
         except (LoopError, ServiceError, ValueError) as error:
             self._end(task, "failed", str(error))
         except Exception:

@@ -193,6 +193,20 @@ def test_a_viewer_changes_nothing_anywhere(
 
 
 @on_sqlite
+def test_every_question_that_keeps_nothing_is_a_viewers_too(anonymous: TestClient) -> None:
+    paths = anonymous.get("/openapi.json").json()["paths"]
+    kept_nothing = {
+        path
+        for path, operations in paths.items()
+        for operation in operations.values()
+        if operation.get("x-audit") == "none" and path.startswith("/v1")
+    }
+
+    # New settings are an engineer's to ask for.
+    assert kept_nothing == ASKING | {"/v1/tunings", "/v1/tunings/batch"}
+
+
+@on_sqlite
 def test_a_viewers_upload_is_refused_before_it_is_read(
     client_as: Callable[..., TestClient],
 ) -> None:

@@ -8,16 +8,20 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
+from pydantic import ValidationError
 from sqlalchemy import select, update
+from sqlalchemy.exc import OperationalError
 
 from service.actors import Actor, Role
 from service.audit.actions import verify
 from service.database import Database
+from service.errors import NotReady
 from service.jobs import store
 from service.jobs.actions import add_job
 from service.jobs.schedule import daily, due_days
 from service.jobs.task import Kind, Task
 from service.jobs.worker import Worker
+from service.settings import Settings
 from service.tables import AuditRow, JobRow, now
 
 ANNA = Actor(owner="Anna", role=Role.ENGINEER)
@@ -209,6 +213,58 @@ def test_a_reason_is_told_and_a_surprise_is_only_named(
     assert "secret" not in read(surprise).message
 
 
+def test_a_job_whose_database_went_away_goes_on_later(
+    held: Database, ask: Ask, read: Callable[[JobRow], JobRow]
+) -> None:
+    job = ask()
+
+    def cut_off(_: Task) -> Mapping[str, object]:
+        raise OperationalError("select 1", {}, Exception("server closed the connection"))
+
+    assert worker(held, cut_off).work_once()
+    assert read(job).state == "running", "a restart of the database is no reason to give up"
+    _let_the_lease_end(held)
+    assert worker(held).work_once()
+    assert read(job).state == "done"
+
+
+@pytest.mark.parametrize("error", [NotReady(["The file is not there."]), TypeError("a surprise")])
+def test_the_worker_outlives_whatever_goes_wrong_between_jobs(
+    held: Database, ask: Ask, read: Callable[[JobRow], JobRow], error: Exception,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    job = ask()
+    looks: list[int] = []
+
+    def schedule() -> None:
+        looks.append(1)
+        if len(looks) == 1:
+            raise error
+        if read(job).state == "done":
+            own.stopping.set()
+
+    monkeypatch.setattr("service.jobs.worker.IDLE", 0.01)
+    own = Worker(held, {"count": count_to_five}, schedule)
+    own.run()
+    assert read(job).state == "done"
+
+
+def test_one_sign_of_life_that_fails_does_not_end_the_others(held: Database, ask: Ask) -> None:
+    beats: list[int] = []
+    again = threading.Event()
+
+    def away_at_first() -> bool:
+        beats.append(1)
+        if len(beats) == 1:
+            raise OperationalError("update job", {}, Exception("database is locked"))
+        again.set()
+        return True
+
+    task = _Noted(_task(held, ask(), "slow"), away_at_first)
+    with task.signs_of_life(timedelta(seconds=0.01)):
+        assert again.wait(10)
+
+
 def test_long_steps_give_signs_of_life(held: Database, ask: Ask) -> None:
     job = ask()
     with held.sessions.begin() as session:
@@ -297,6 +353,26 @@ def test_however_often_the_clock_is_looked_at_a_day_is_assessed_once(held: Datab
         keys = sorted(session.scalars(select(JobRow.key)))
     days = ["2026-02-02", "2026-02-03", "2026-02-04"]
     assert keys == [f"daily:{day}" for day in days] + [f"tidy:{day}" for day in days]
+
+
+def test_a_clock_that_was_years_ahead_once_does_not_end_the_daily_runs(held: Database) -> None:
+    ahead, right = datetime(2099, 2, 3, 3, tzinfo=UTC), datetime(2026, 2, 3, 3, tzinfo=UTC)
+    daily(held, time(2, 0), lambda: ahead)()
+    daily(held, time(2, 0), lambda: right)()
+
+    with held.readings() as session:
+        assert store.job_with_key(session, "daily:2026-02-02") is not None
+
+
+@pytest.mark.parametrize("stated", ["02:00", "02:00Z"])
+def test_the_time_of_the_daily_run_is_utc(stated: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LOOPWRIGHT_DAILY_AT", stated)
+    at = Settings().daily_at
+    assert at is not None
+    assert due_days(at, datetime(2026, 2, 3, 3, tzinfo=UTC), None) == [date(2026, 2, 2)]
+    monkeypatch.setenv("LOOPWRIGHT_DAILY_AT", "02:00+01:00")
+    with pytest.raises(ValidationError, match="daily_at is a time in UTC"):
+        Settings()
 
 
 def _task(held: Database, job: JobRow, owner: str) -> Task:
