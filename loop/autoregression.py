@@ -104,7 +104,9 @@ def autocovariance(y: Real, lags: int) -> Real:
     known = np.isfinite(y)
     z = np.where(known, y, 0.0)
     z = np.where(known, z - np.sum(z) / max(np.count_nonzero(known), 1), 0.0)
-    pairs = np.round(_products(known.astype(np.float64), lags))
+    pairs = np.maximum(y.size - np.arange(lags + 1.0), 0.0)
+    if not known.all():
+        pairs = np.round(_products(known.astype(np.float64), lags))
     if np.any(pairs < 1):
         raise PoorExcitation(
             f"{np.count_nonzero(known)} known samples hold no pair at lag {int(np.argmin(pairs))}."

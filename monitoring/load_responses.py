@@ -153,11 +153,11 @@ def _area_index(op: Real) -> float | None:
     final = float(np.mean(op[-max(op.size // 10, 2) :]))
     away = _smoothed(op, max(op.size // 20, 3)) - final
     turns = np.flatnonzero((away[1:] > 0) != (away[:-1] > 0)) + 1
-    areas = [abs(float(np.sum(part))) for part in np.split(away, turns)]
-    inner = areas[:-1]
-    if len(areas) < 3 or not sum(inner) > 0:
+    areas = np.abs(np.add.reduceat(away, np.r_[0, turns]))
+    whole = float(np.sum(areas[:-1]))
+    if areas.size < 3 or not whole > 0:
         return None
-    return max(areas[:-2], default=0.0) / sum(inner)
+    return float(np.max(areas[:-2])) / whole
 
 
 def _action_seen(stretch: Stretch) -> int:

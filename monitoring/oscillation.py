@@ -14,7 +14,7 @@ import numpy as np
 from loop.autoregression import autocovariance
 from loop.signals import Flags, Real
 from monitoring.basis import Basis, Setting, graded, refusal
-from monitoring.spectrum import Spectra, band_pass, segment_spectra
+from monitoring.spectrum import BandFilter, Spectra, segment_spectra
 
 FEWEST_CYCLES = 6
 FEWEST_SAMPLES = 64
@@ -22,6 +22,8 @@ SHORTEST_PERIOD = 4.0
 # Below this many samples a cycle, the waveform and its amplitude are only guessed.
 COARSE_PERIOD = 8.0
 BAND = 2**0.4
+# Samples a period from which crossings and activity are read; a longer period is thinned to it.
+POINTS = 48
 SEGMENT_RATIO = 4
 SHORTEST_SEGMENT = 96
 MOST_OSCILLATIONS = 3
@@ -165,8 +167,9 @@ def oscillation(
             basis=graded(share, (why,), settings=_settings()),
         )  # fmt: skip
     found: list[OscillationComponent] = []
+    seen = _Seen(error)
     while len(found) < MOST_OSCILLATIONS:
-        component = _strongest(error, dt, found, segments=segments)
+        component = _strongest(seen, dt, found, segments=segments)
         if component is None:
             break
         found.append(component)
@@ -209,16 +212,35 @@ def _settings() -> tuple[Setting, ...]:
     )
 
 
+class _Seen:
+    """An error with the transforms that every round of the search needs again."""
+
+    def __init__(self, error: Real) -> None:
+        self.error = error
+        self._filter: BandFilter | None = None
+        self._spectra: dict[int, Spectra] = {}
+
+    @property
+    def filter(self) -> BandFilter:
+        if self._filter is None:
+            self._filter = BandFilter.of(self.error)
+        return self._filter
+
+    def spectra(self, length: int) -> Spectra:
+        if length not in self._spectra:
+            self._spectra[length] = segment_spectra(
+                self.error, length, fewest_cycles=FEWEST_CYCLES, shortest=SHORTEST_PERIOD
+            )
+        return self._spectra[length]
+
+
 def _strongest(
-    error: Real, dt: float, found: list[OscillationComponent], *, segments: bool
+    seen: _Seen, dt: float, found: list[OscillationComponent], *, segments: bool
 ) -> OscillationComponent | None:
     """Candidates of the whole record first, then of shorter and shorter segments."""
-    length, limits = error.size, WHOLE
-    while length >= SHORTEST_SEGMENT or length == error.size:
-        spectra = segment_spectra(
-            error, length, fewest_cycles=FEWEST_CYCLES, shortest=SHORTEST_PERIOD
-        )
-        component = _confirmed(error, spectra, dt, limits, found)
+    length, limits = seen.error.size, WHOLE
+    while length >= SHORTEST_SEGMENT or length == seen.error.size:
+        component = _confirmed(seen, seen.spectra(length), dt, limits, found)
         if component is not None or not segments:
             return component
         length, limits = length // SEGMENT_RATIO, SEGMENT
@@ -226,7 +248,7 @@ def _strongest(
 
 
 def _confirmed(
-    error: Real,
+    seen: _Seen,
     spectra: Spectra,
     dt: float,
     limits: Limits,
@@ -247,7 +269,7 @@ def _confirmed(
         # The share told by the spectrum is cheap; a candidate far below its limit is not filtered.
         if spectra.share(int(row), period, BAND) >= 0.7 * limits.share * rest:
             component = _component(
-                error, period, (first, first + spectra.length), dt=dt, score=score, limits=limits,
+                seen, period, (first, first + spectra.length), dt=dt, score=score, limits=limits,
                 rest=rest,
             )  # fmt: skip
             if component is not None:
@@ -268,7 +290,7 @@ def _belonging(spectra: Spectra, dt: float, found: list[OscillationComponent]) -
 
 
 def _component(
-    error: Real,
+    seen: _Seen,
     period: float,
     region: tuple[int, int],
     *,
@@ -278,28 +300,29 @@ def _component(
     rest: float,
 ) -> OscillationComponent | None:
     """Filter to the band and hold the oscillation to its limits; period in samples."""
-    wave = band_pass(error, period, width=BAND)
-    part = slice(*region)
-    variance = float(np.var(error[part]))
-    share = float(np.var(wave[part])) / variance if variance > 0 else 0.0
+    wave, step = seen.filter.thinned(period, width=BAND, points=POINTS)
+    start, stop = int(region[0] / step), int(np.ceil(region[1] / step))
+    variance = float(np.var(seen.error[slice(*region)]))
+    share = float(np.var(wave[start:stop])) / variance if variance > 0 else 0.0
     if share < limits.share * rest:
         return None
-    mean_period, regularity, lasting = acf_regularity(wave[part], period)
+    mean_period, regularity, lasting = acf_regularity(wave[start:stop], period / step)
     if regularity < limits.regularity or lasting < limits.lasting:
         return None
-    first, last, active, amplitude = _activity(wave, period, region)
-    if (last - first) / period < limits.cycles:
+    first, last, active, amplitude = _activity(wave, period / step, (start, stop))
+    if (last - first) * step / period < limits.cycles:
         return None
+    end = min(last * step, float(seen.error.size))
     return OscillationComponent(
-        period=mean_period * dt,
+        period=mean_period * step * dt,
         amplitude=amplitude,
         regularity=regularity,
         decay_ratio=lasting,
         score=score,
         share=share,
-        start=first * dt,
-        end=last * dt,
-        cycles=(last - first) / mean_period,
+        start=first * step * dt,
+        end=end * dt,
+        cycles=(end - first * step) / (mean_period * step),
         persistent=active >= PERSISTENT_SHARE,
     )
 

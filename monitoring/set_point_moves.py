@@ -133,8 +133,8 @@ def _response(stretch: Stretch, sp: Real, k: int, end: int, noise: float) -> Mov
 
 def _decay(beyond: Real, noise: float) -> float | None:
     """Second over first peak above the set point, each a stretch between two crossings."""
-    crossings = np.flatnonzero((beyond[1:] > 0) != (beyond[:-1] > 0)) + 1
-    parts = np.split(beyond, crossings)
-    peaks = [float(np.max(part)) for part in parts if part.size > 2 and part[0] > 0]
-    clear = [peak for peak in peaks if peak > SMALLEST_MOVE * noise]
-    return clear[1] / clear[0] if len(clear) > 1 else None
+    starts = np.r_[0, np.flatnonzero((beyond[1:] > 0) != (beyond[:-1] > 0)) + 1]
+    lengths = np.diff(np.r_[starts, beyond.size])
+    peaks = np.maximum.reduceat(beyond, starts)[(lengths > 2) & (beyond[starts] > 0)]
+    clear = peaks[peaks > SMALLEST_MOVE * noise]
+    return float(clear[1] / clear[0]) if clear.size > 1 else None

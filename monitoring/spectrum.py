@@ -3,9 +3,11 @@
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 import scipy.fft
+from numpy.typing import NDArray
 
 from loop.signals import Real
 
@@ -100,9 +102,14 @@ def _hann(length: int) -> Real:
     return np.asarray(np.hanning(length + 1)[:-1])
 
 
+@lru_cache(maxsize=16)
+def _way(length: int) -> Real:
+    return np.linspace(-1.0, 1.0, length)
+
+
 def _without_line(rows: Real) -> Real:
     """Take mean and slope off every row."""
-    way = np.linspace(-1.0, 1.0, rows.shape[1])
+    way = _way(rows.shape[1])
     slopes = rows @ way / float(way @ way)
     return np.asarray(rows - rows.mean(axis=1, keepdims=True) - slopes[:, None] * way)
 
@@ -118,21 +125,88 @@ def _floor(power: Real, first: int, last: int) -> Real:
     edges = np.unique(np.minimum(edges, bins)).astype(np.int64)
     levels = np.stack(
         [
-            np.median(power[:, a : b : max((b - a) // ENOUGH_BINS, 1)], axis=1)
+            _medians(power[:, a : b : max((b - a) // ENOUGH_BINS, 1)])
             for a, b in pairwise(edges.tolist())
         ],
         axis=1,
     )
     tiny = np.finfo(np.float64).tiny + 1e-12 * power[:, 1:].mean(axis=1, keepdims=True)
     logs = np.log(levels / MEDIAN_OF_EXPONENTIAL + tiny)
-    own = np.clip(
-        np.searchsorted(edges, np.arange(first, last + 1), side="right") - 1, 0, logs.shape[1] - 1
-    )
     # A line under the Hann window is three bins wide and would fill a narrow neighbour.
-    apart = np.where(np.diff(edges)[own] < WIDE_BAND, 2, 1)
+    apart = np.where(np.diff(edges) < WIDE_BAND, 2, 1)
+    own = np.arange(logs.shape[1])
     below = np.maximum(own - apart, 0)
     above = np.minimum(own + apart, logs.shape[1] - 1)
-    return np.asarray(np.exp((logs[:, below] + logs[:, above]) / 2))
+    floors = np.exp((logs[:, below] + logs[:, above]) / 2)
+    # Bins before the first edge and behind the last belong to the outermost bands.
+    inner = np.clip(edges[1:-1], first, last + 1)
+    return np.repeat(floors, np.diff(np.r_[first, inner, last + 1]), axis=1)
+
+
+def _medians(rows: Real) -> Real:
+    """Median of every row; np.median spends most of its time on other things than short rows."""
+    count = rows.shape[1]
+    low, high = (count - 1) // 2, count // 2
+    parted = np.partition(rows, (low, high), axis=1)
+    return np.asarray((parted[:, low] + parted[:, high]) / 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BandFilter:
+    """A signal's spectrum, mean and slope off, from which any band can be cut.
+
+    Attributes
+    ----------
+    n : int
+        Samples of the signal.
+    length : int
+        Length of the transform, n or a little more. [samples]
+    spectrum : ndarray of complex, shape (length // 2 + 1,)
+        Transform of the signal.
+    """
+
+    n: int
+    length: int
+    spectrum: NDArray[np.complex128]
+
+    @classmethod
+    def of(cls, signal: Real) -> Self:
+        """Transform an evenly sampled signal without gaps."""
+        length = scipy.fft.next_fast_len(signal.size, real=True)
+        spectrum = scipy.fft.rfft(_without_line(signal[None])[0], length)
+        return cls(n=signal.size, length=length, spectrum=np.asarray(spectrum))
+
+    def band(self, period: float, *, width: float) -> Real:
+        """Keep the band from 1/width to width times 1/period, on the grid of the signal."""
+        return self._wave(period, width, self.length)[: self.n]
+
+    def thinned(self, period: float, *, width: float, points: int) -> tuple[Real, float]:
+        """The same on a grid of about `points` samples a period, where that is coarser.
+
+        Returns
+        -------
+        wave : ndarray
+            The band; it holds nothing faster than width^2/period, so that nothing is lost.
+        step : float
+            Distance of its samples. [samples of the signal]
+        """
+        length = scipy.fft.next_fast_len(int(points * self.length / period) + 1, real=True)
+        length = min(length, self.length)
+        step = self.length / length
+        wave = self._wave(period, width, length) * (length / self.length)
+        return wave[: int(np.ceil(self.n / step))], step
+
+    def _wave(self, period: float, width: float, length: int) -> Real:
+        middle = self.length / period
+        part = slice(
+            max(int(middle / width**2), 0), min(int(middle * width**2) + 2, length // 2 + 1)
+        )
+        cycles = np.maximum(np.arange(part.start, part.stop), 0.5)
+        octaves = np.abs(np.log(cycles * period / self.length))
+        gain = np.clip(2 - octaves / np.log(width), 0.0, 1.0)
+        kept = np.zeros(length // 2 + 1, dtype=np.complex128)
+        kept[part] = self.spectrum[part] * gain
+        return np.asarray(scipy.fft.irfft(kept, length))
 
 
 def band_pass(signal: Real, period: float, *, width: float) -> Real:
@@ -147,12 +221,4 @@ def band_pass(signal: Real, period: float, *, width: float) -> Real:
     width : float
         Upper over middle frequency, above 1. [-]
     """
-    n = signal.size
-    way = np.linspace(-1.0, 1.0, n)
-    z = signal - signal.mean() - (signal @ way) / float(way @ way) * way
-    length = scipy.fft.next_fast_len(n, real=True)
-    spectrum = scipy.fft.rfft(z, length)
-    octaves = np.abs(np.log(np.maximum(np.arange(spectrum.size), 0.5) * period / length))
-    edge = np.log(width)
-    gain = np.clip(2 - octaves / edge, 0.0, 1.0)
-    return np.asarray(scipy.fft.irfft(spectrum * gain, length)[:n])
+    return BandFilter.of(signal).band(period, width=width)
