@@ -208,9 +208,11 @@ def what_if(
     long, fine = horizon(process, list(controllers.values()))
     scan_time, t_end = conditions.scan_time or fine, conditions.t_end or long
     others = None if draws is None else uncertain_processes(process, draws)
-    _check_work(
-        t_end, scan_time, len(controllers) * len(events), 0 if others is None else others.shape[0]
-    )
+    count = 0 if others is None else others.shape[0]
+    _check_work(t_end, scan_time, len(controllers) * len(events), count)
+    _check_waiting(process.theta, scan_time, 1)
+    if others is not None:
+        _check_waiting(float(np.max(others.theta)), scan_time, count)
     return WhatIf(
         process=process,
         conditions=conditions,
@@ -232,6 +234,16 @@ def _check_work(t_end: float, scan_time: float, runs: int, draws: int) -> None:
             f"{t_end:.6g} s at a scan time of {scan_time:.6g} s are {scans:.6g} scans, in {runs} "
             f"runs on {max(draws, 1)} processes; possible are 1 to {MOST_SCANS:,} scans over all "
             f"runs, and {MOST_FAN_SCANS:,} with a fan. Change t_end or scan_time"
+        )
+
+
+def _check_waiting(theta: float, scan_time: float, draws: int) -> None:
+    """Refuse a dead time of so many scans that the outputs on their way would fill the memory."""
+    most = min(MOST_SCANS, MOST_FAN_SCANS / draws)
+    if theta / scan_time > most:
+        raise ValueError(
+            f"a dead time of {theta:.6g} s is {theta / scan_time:.6g} scans of {scan_time:.6g} s; "
+            f"possible are {most:,.0f}. Change scan_time"
         )
 
 

@@ -97,6 +97,8 @@ def plan_relay(wishes: Wishes) -> RelayPlan:
     NoLimitCycle
         Within the allowed deviation, or the room of OP, the relay does not cycle clear of the
         noise for every process near the guess; the sentence says what would do.
+    ValueError
+        The stated sample time is so long that the cycles would fall between the samples.
 
     Examples
     --------
@@ -111,6 +113,12 @@ def plan_relay(wishes: Wishes) -> RelayPlan:
     amplitude = _amplitude(wishes, hysteresis)
     cycles = [_cycle(p, amplitude, hysteresis) for p in wishes.corners()]
     sample_time = wishes.sample_time or sample_time_for(wishes.guess, wishes.factor)
+    shortest = min(cycle.period for cycle in cycles)
+    if sample_time > shortest / 2:
+        raise ValueError(
+            f"sample_time must be at most {shortest / 2:.3g} s, half of the shortest cycle to be "
+            f"expected, got {sample_time:.6g}"
+        )
     for count in CYCLES:
         errors, widths = _errors(wishes, amplitude, cycles, count, sample_time)
         if widths.max() <= wishes.precision:

@@ -26,6 +26,9 @@ def test_what_cannot_be_planned_is_refused_with_its_reason(client: TestClient) -
     nowhere = client.post("/v1/plans", json={**body, "room_up": 0.0, "room_down": 0.0})
     assert nowhere.status_code == 422
     assert "nor both 0" in nowhere.text
+    unseen = client.post("/v1/plans", json={**body, "kind": "relay", "sample_time": 1000.0})
+    assert unseen.status_code == 422
+    assert "half of the shortest cycle" in unseen.text
     quiet = client.post("/v1/plans", json={**body, "kind": "relay", "deviation": 0.5})
     assert quiet.status_code == 422
     assert "make a step test" in quiet.json()["detail"]

@@ -165,3 +165,15 @@ def test_what_cannot_be_is_refused_with_its_place(
     assert answer.status_code == 422, answer.text
     faults = answer.json()["errors"]
     assert any(pointer in fault["pointer"] and words in fault["detail"] for fault in faults), faults
+
+
+@pytest.mark.parametrize("fan", [None, {"spread": 0.5, "count": 500}])
+def test_a_dead_time_of_millions_of_scans_is_refused_before_it_fills_the_memory(
+    client: TestClient, fan: dict[str, Any] | None
+) -> None:
+    # With the fan a tenth as many scans are already too many.
+    scan_time = 1e-5 if fan is None else 1e-3
+    conditions = {"scan_time": scan_time, "t_end": 10 * scan_time}
+    answer = ask(client, conditions=conditions, fan=fan)
+    assert answer.status_code == 422, answer.text
+    assert "a dead time of" in answer.text
