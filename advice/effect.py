@@ -11,6 +11,8 @@ from monitoring.before_after import BeforeAfter, before_after
 
 # A gap of so many samples is bridged, as in an assessment.
 LARGEST_GAP = 3.5
+# Of a grid with more points than so many times the samples, nearly all would be invented.
+MOST_POINTS = 20
 # The controller that was changed sets OP in these modes, and in no other.
 CONTROLLED = (Mode.AUTO, Mode.CAS, Mode.REMOTE)
 
@@ -47,12 +49,10 @@ def effect(before: Record, after: Record) -> Effect:
         Routine data from before and after the change.
     """
     if min(len(before), len(after)) < 2:
-        nothing = np.empty(0)
-        return Effect(
-            comparison=before_after(nothing, nothing), sample_time=None, controlled_before=0.0,
-            controlled_after=0.0,
-        )  # fmt: skip
+        return _nothing()
     dt = max(before.sample_time, after.sample_time)
+    if any(record.span / dt > MOST_POINTS * len(record) for record in (before, after)):
+        return _nothing()
     first, second = (_error(record, dt) for record in (before, after))
     return Effect(
         comparison=before_after(first, second),
@@ -60,6 +60,14 @@ def effect(before: Record, after: Record) -> Effect:
         controlled_before=float(np.mean(np.isfinite(first))),
         controlled_after=float(np.mean(np.isfinite(second))),
     )
+
+
+def _nothing() -> Effect:
+    nothing = np.empty(0)
+    return Effect(
+        comparison=before_after(nothing, nothing), sample_time=None, controlled_before=0.0,
+        controlled_after=0.0,
+    )  # fmt: skip
 
 
 def _error(record: Record, dt: float) -> Real:

@@ -7,11 +7,10 @@ size takes the memory of a few chunks. What a worker that dies was doing is done
 import multiprocessing
 import os
 from collections import deque
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from importlib.util import find_spec
-from itertools import islice
 from typing import ParamSpec, TypeAlias, TypeVar
 
 from advice.assess import assess, not_assessed
@@ -27,6 +26,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 LOOPS_A_CHUNK = 8
+SAMPLES_A_CHUNK = 500_000  # after which a chunk is full: a month of seconds goes alone
 CHUNKS_IN_FLIGHT = 6  # enough that no worker of a small machine waits for the reader
 PATIENCE = 10.0  # s, for a scheduler to answer
 MOST_DEATHS = 3  # of workers over one chunk, after which its loops are told apart from bad luck
@@ -153,7 +153,7 @@ def assess_fleet(
     try:
         while True:
             while len(waiting) < CHUNKS_IN_FLIGHT:
-                taken = tuple(islice(source, LOOPS_A_CHUNK))
+                taken = _taken(source)
                 if not taken:
                     break
                 waiting.append(_Chunk(loops=taken, profile=profile))
@@ -175,6 +175,18 @@ def assess_fleet(
             yield from found
     finally:
         executor.shutdown(wait=False, cancel_futures=True)
+
+
+def _taken(source: Iterator[FleetLoop]) -> tuple[FleetLoop, ...]:
+    """Take loops for one chunk, few if they are long."""
+    taken: list[FleetLoop] = []
+    samples = 0
+    for loop in source:
+        taken.append(loop)
+        samples += len(loop.record)
+        if len(taken) == LOOPS_A_CHUNK or samples >= SAMPLES_A_CHUNK:
+            break
+    return tuple(taken)
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

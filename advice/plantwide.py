@@ -16,6 +16,8 @@ from monitoring.shared_oscillations import SharedOscillation, shared_oscillation
 # A gap of so many samples is bridged, as in an assessment; a loop with longer ones is left out.
 LARGEST_GAP = 3.5
 FEWEST_SAMPLES = 64
+# Of a grid with more points than so many times the samples, nearly all would be invented.
+MOST_POINTS = 20
 # The first suspect must lead the next by this part of its index, or the order says nothing.
 CLEAR_LEAD = 0.2
 
@@ -118,12 +120,9 @@ def plant_oscillations(records: Sequence[Record], *, seed: int = 0) -> PlantOsci
     tags = [record.tag for record in records]
     if len({*tags}) != len(tags):
         raise ValueError("every loop may be given once")
-    usable = [record for record in records if len(record) >= FEWEST_SAMPLES]
-    left_out = [
-        (record.tag, f"{len(record)} samples are fewer than {FEWEST_SAMPLES}")
-        for record in records
-        if len(record) < FEWEST_SAMPLES
-    ]
+    unfit = {record.tag: _unfit(record) for record in records}
+    usable = [record for record in records if not unfit[record.tag]]
+    left_out = [(tag, reason) for tag, reason in unfit.items() if reason]
     together = _together(usable)
     if together is None:
         left_out += [(record.tag, "no time in common with the others") for record in usable]
@@ -143,6 +142,15 @@ def plant_oscillations(records: Sequence[Record], *, seed: int = 0) -> PlantOsci
         cascades=tuple(_cascade(pair, every) for pair in cascade_pairs(op, sp)),
         left_out=tuple(left_out),
     )
+
+
+def _unfit(record: Record) -> str:
+    """Say why a loop cannot be put on a grid; empty where it can."""
+    if len(record) < FEWEST_SAMPLES:
+        return f"{len(record)} samples are fewer than {FEWEST_SAMPLES}"
+    if record.span / record.sample_time > MOST_POINTS * len(record):
+        return "samples far too uneven"
+    return ""
 
 
 def _together(records: Sequence[Record]) -> tuple[float, Real, Real, Real] | None:

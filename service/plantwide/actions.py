@@ -6,8 +6,12 @@ from advice.plantwide import PlantOscillations, plant_oscillations
 from historian.sample_store import SampleStore
 from loop.errors import NoSamples
 from loop.record import Record
+from service.errors import InvalidRequest
 from service.loops.store import loop_with_id
 from service.plantwide.schemas import LookAtPlant
+
+# Some hundred megabytes and a few seconds: a day of 100 loops every five seconds fits.
+MOST_SAMPLES = 2_000_000
 
 
 def look_at_plant(
@@ -19,12 +23,22 @@ def look_at_plant(
     ------
     NotFound, NoSamples
         A loop is not there, or has nothing in the period.
+    InvalidRequest
+        The loops have more samples in the period than one answer may look at.
     """
     records: list[Record] = []
+    room = MOST_SAMPLES
     for loop_id in dict.fromkeys(wanted.loop_ids):
         loop = loop_with_id(reading, loop_id)
         found = samples.read(loop_id, wanted.start, wanted.end)
         if not len(found):
             raise NoSamples(loop.tag)
+        room -= len(found)
+        if room < 0:
+            raise InvalidRequest(
+                "body",
+                f"The loops have more than {MOST_SAMPLES:,} samples in the period; ask for a "
+                "shorter one, or for fewer loops.",
+            )
         records.append(found.record(tag=loop.tag, pv_unit=loop.pv_unit, op_unit=loop.op_unit))
     return plant_oscillations(records)

@@ -10,7 +10,7 @@ from advice.effect import effect
 from historian.sample_store import SampleStore
 from loop.errors import NoSamples
 from loop.record import Record
-from service.errors import NeverInForce
+from service.errors import InvalidRequest, NeverInForce
 from service.loops.store import loop_with_id
 from service.sheets import store
 from service.tables import LoopRow
@@ -34,6 +34,8 @@ def effect_of_sheet(
     ------
     NotFound, NoSamples, NeverInForce
         The loop, the version or its data are not there, or it was never approved.
+    InvalidRequest
+        The periods would begin before, or end after, what a calendar holds.
     """
     loop = loop_with_id(reading, loop_id)
     sheet = store.sheet_with_version(reading, loop_id, version)
@@ -41,8 +43,13 @@ def effect_of_sheet(
         raise NeverInForce(version, sheet.status)
     changed = changed_at or sheet.decision.created_at
     next_change = store.next_approval(reading, loop_id, sheet.decision)
-    end = changed + span if next_change is None else max(changed, min(next_change, changed + span))
-    before = (changed - span, changed)
+    try:
+        begin, end = changed - span, changed + span
+    except OverflowError as error:
+        raise InvalidRequest("query/changed_at", "There is no calendar so long.") from error
+    if next_change is not None:
+        end = max(changed, min(next_change, end))
+    before = (begin, changed)
     after = (changed, end)
     found = effect(_record(samples, loop, before), _record(samples, loop, after))
     return {

@@ -69,3 +69,12 @@ def test_a_single_sample_is_no_period() -> None:
 def test_periods_of_unlike_sample_times_are_compared_on_the_coarser() -> None:
     found = effect(routine(1, 2.0, dt=5.0), routine(2, 1.0, dt=10.0))
     assert found.sample_time == 10.0
+
+
+def test_bursts_months_apart_are_not_put_on_a_grid_of_microseconds() -> None:
+    burst = np.arange(100) * 1e-6
+    t = np.r_[burst, burst + 2e6]
+    bursts = Record(t=t, pv=np.zeros(200), op=np.zeros(200), sp=np.zeros(200))
+    found = effect(bursts, bursts)
+    assert found.comparison.change is Change.NOT_COMPARABLE
+    assert found.sample_time is None

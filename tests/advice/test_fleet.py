@@ -118,3 +118,11 @@ def test_an_address_where_nobody_schedules_is_said_so(monkeypatch: pytest.Monkey
     monkeypatch.setattr(fleet, "PATIENCE", 0.2)
     with pytest.raises(ValueError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         cluster_crew("tcp://127.0.0.1:9")()
+
+
+def test_long_records_go_to_the_workers_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fleet, "SAMPLES_A_CHUNK", 300)
+    _Mortal.begun = 0
+    found = list(assess_fleet(loops(10), crew=lambda: _Mortal(set())))
+    assert [one.name for one in found] == [str(n) for n in range(10)]
+    assert _Mortal.begun == 10

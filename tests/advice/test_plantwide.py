@@ -107,3 +107,15 @@ def test_a_loop_given_twice_or_without_a_clock_is_refused() -> None:
     bare = [Record(t=one.t, pv=one.pv, op=one.op, sp=one.sp, tag=tag) for tag in "AB"]
     with pytest.raises(ValueError, match="every record needs its start"):
         plant_oscillations(bare)
+
+
+def test_bursts_months_apart_are_left_out_and_not_put_on_a_grid_of_microseconds() -> None:
+    burst = np.arange(100) * 1e-6
+    t = np.r_[burst, burst + 2e6]
+    bursts = [
+        Record(t=t, pv=np.zeros(200), op=np.zeros(200), sp=np.zeros(200), start=START, tag=tag)
+        for tag in ("A", "B")
+    ]
+    found = plant_oscillations(bursts)
+    assert found.groups == ()
+    assert found.left_out == (("A", "samples far too uneven"), ("B", "samples far too uneven"))

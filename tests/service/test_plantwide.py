@@ -91,3 +91,14 @@ def test_a_viewer_may_ask_as_nothing_is_stored(
 ) -> None:
     answer = client_as("viewer").post("/v1/plantwide", json={**DAY, "loop_ids": swinging})
     assert answer.status_code == 200
+
+
+def test_more_samples_than_one_answer_may_look_at_are_refused(
+    client: TestClient, swinging: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("service.plantwide.actions.MOST_SAMPLES", 2 * ROWS)
+    asked = {**DAY, "loop_ids": swinging}
+    assert client.post("/v1/plantwide", json={**asked, "loop_ids": swinging[:2]}).status_code == 200
+    answer = client.post("/v1/plantwide", json=asked)
+    assert answer.status_code == 422
+    assert "more than 1,800 samples" in answer.text

@@ -86,7 +86,16 @@ def test_a_draft_changed_nothing(client: TestClient, approved: str) -> None:
     assert client.get(f"{sheets}/3/effect").status_code == 404
 
 
-@pytest.mark.parametrize("query", [{"days": 0}, {"days": 32}, {"changed_at": "noon"}])
+@pytest.mark.parametrize(
+    "query",
+    [
+        {"days": 0},
+        {"days": 32},
+        {"changed_at": "noon"},
+        {"changed_at": "0001-01-02T00:00:00Z"},
+        {"changed_at": "9999-12-31T00:00:00Z"},
+    ],
+)
 def test_a_period_that_cannot_be_is_refused(
     client: TestClient, approved: str, query: dict[str, Any]
 ) -> None:
