@@ -19,6 +19,8 @@ from service.tables import LoopRow
 Teller: TypeAlias = Callable[[list[LoopResult], int, int], None]
 # Loops stored in one transaction: seldom enough for the database, often enough to watch.
 LOOPS_A_STEP = 32
+# To start processes takes as long as to assess some loops here.
+WORTH_PROCESSES = 16
 
 
 def assess_period(
@@ -63,7 +65,8 @@ def assess_period(
         step.clear()
 
     store_step()
-    with closing(assess_fleet(_with_samples(samples, left, period), crew=crew)) as found:
+    helpers = crew if len(left) >= WORTH_PROCESSES else None
+    with closing(assess_fleet(_with_samples(samples, left, period), crew=helpers)) as found:
         for one in found:
             step.append(one)
             done += 1
