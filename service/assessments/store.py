@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from uuid import UUID
 
-from sqlalchemy import select, tuple_
-from sqlalchemy.orm import Session
+from sqlalchemy import exists, select, tuple_
+from sqlalchemy.orm import Session, defer
 
 from service.errors import NotFound
-from service.tables import AssessmentRow, LoopRow, OverruleRow
+from service.tables import AssessmentRow, JobRow, LoopRow, OverruleRow
+
+# Jobs among which the one of the latest period is looked for; a week is caught up at most.
+RECENT_JOBS = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +51,7 @@ def assessments_of_loop(
 ) -> list[AssessmentRow]:
     """List the assessments of a loop, newest first, after one of them."""
     query = select(AssessmentRow).where(AssessmentRow.loop_id == loop_id)
+    query = query.options(defer(AssessmentRow.body, raiseload=True))
     if after is not None:
         here = tuple_(AssessmentRow.created_at, AssessmentRow.id)
         query = query.where(here < (after.created_at, after.id))
@@ -60,6 +65,7 @@ def assessments_of_job(
     """List what a job found, by tag, after a tag."""
     query = (
         select(AssessmentRow, LoopRow)
+        .options(defer(AssessmentRow.body, raiseload=True))  # no list needs the documents
         .join(LoopRow, LoopRow.id == AssessmentRow.loop_id)
         .where(AssessmentRow.job_id == job_id)
     )
@@ -93,7 +99,20 @@ def loops_to_assess(session: Session, wanted: Sequence[UUID] | None) -> list[Loo
 
 
 def newest_assessment_job(session: Session) -> UUID | None:
-    """Name the job that assessed the latest period."""
+    """Name the job that assessed the latest period of the whole plant, or of any loops if none has.
+
+    A job that is not done, or was asked about some loops only, would stand for the plant wrongly.
+    """
+    whole = JobRow.request["loop_ids"].as_string().is_(None)
+    found = exists().where(AssessmentRow.job_id == JobRow.id)
+    jobs = session.scalars(
+        select(JobRow)
+        .where(JobRow.kind == "assess", JobRow.state == "done", whole, found)
+        .order_by(JobRow.created_at.desc())
+        .limit(RECENT_JOBS)
+    ).all()
+    if jobs:
+        return max(jobs, key=lambda job: datetime.fromisoformat(str(job.request["end"]))).id
     order = (AssessmentRow.end.desc(), AssessmentRow.created_at.desc())
     query = select(AssessmentRow.job_id).where(AssessmentRow.job_id.is_not(None))
     return session.scalar(query.order_by(*order).limit(1))

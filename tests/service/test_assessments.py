@@ -8,7 +8,7 @@ from uuid import UUID
 import numpy as np
 import pytest
 from fastapi.testclient import TestClient
-from sqlalchemy import select, update
+from sqlalchemy import event, select, update
 
 from advice.assess import assess
 from advice.assessment_body import assessment_body
@@ -232,3 +232,31 @@ def test_a_viewer_may_read_and_not_ask(client_as: Callable[..., TestClient], pla
     assert viewer.get(f"/v1/loops/{loop}/assessments").status_code == 200
     assert viewer.post("/v1/assessments", json=DAY).status_code == 403
     assert viewer.post(f"/v1/loops/{loop}/assessments", json=DAY).status_code == 403
+
+
+def test_a_look_at_one_loop_does_not_take_the_place_of_the_plants_scorecard(
+    client: TestClient, plant: Plant, work: Callable[[], bool]
+) -> None:
+    loop, *_ = plant()
+    whole = client.post("/v1/assessments", json=DAY).json()["id"]
+    assert work()
+    later = {"start": "2026-01-31T12:00:00Z", "end": "2026-02-01T12:00:00Z"}
+    client.post("/v1/assessments", json={**later, "loop_ids": [loop]})
+    assert work()
+
+    card = client.get("/v1/scorecard").json()
+    assert (card["job_id"], card["plant"]["loops"]) == (whole, 2)
+
+
+def test_no_list_reads_the_whole_documents(
+    client: TestClient, plant: Plant, work: Callable[[], bool], held: Database
+) -> None:
+    loop, *_ = plant()
+    job = client.post("/v1/assessments", json=DAY).json()["id"]
+    assert work()
+    said: list[str] = []
+    event.listen(held.engine, "before_cursor_execute", lambda *call: said.append(call[2]))
+    for path in ("/v1/scorecard", f"/v1/assessments?job_id={job}", f"/v1/loops/{loop}/assessments"):
+        assert client.get(path).status_code == 200
+    assert any("FROM assessment" in statement for statement in said)
+    assert not any("assessment.body" in statement for statement in said)
