@@ -91,7 +91,8 @@ def correlations(op: Real, pv: Real, reach: int) -> Real | None:
     if not scale > 0:
         return None
     length = scipy.fft.next_fast_len(u.size + reach, real=True)
-    product = np.conj(scipy.fft.rfft(u, length)) * scipy.fft.rfft(y, length)
+    U = scipy.fft.rfft(u, length)
+    product = np.conj(U) * (U if pv is op else scipy.fft.rfft(y, length))
     r = scipy.fft.irfft(product, length)
     return np.asarray(np.r_[r[length - reach :] if reach else r[:0], r[: reach + 1]] / scale)
 

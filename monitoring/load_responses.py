@@ -128,8 +128,12 @@ def _smoothed(signal: Real, width: int) -> Real:
     """Centred moving mean; the ends keep their own value."""
     width = max(min(width, signal.size // 3), 1) | 1
     half = width // 2
-    padded = np.pad(signal, half, mode="edge")
-    sums = np.cumsum(np.r_[0.0, padded])
+    padded = np.empty(signal.size + 2 * half + 1)
+    padded[0] = 0.0
+    padded[1 : half + 1] = signal[0]
+    padded[half + 1 : half + 1 + signal.size] = signal
+    padded[half + 1 + signal.size :] = signal[-1]
+    sums = np.cumsum(padded)
     return np.asarray((sums[width:] - sums[:-width]) / width)
 
 

@@ -134,7 +134,7 @@ def minimum_variance(
         eta=eta,
         low=low,
         high=high,
-        minimum_variance=eta * float(np.nanvar(error)),
+        minimum_variance=eta * float(np.var(error) if fast else np.nanvar(error)),
         delay=b,
         order=order,
         estimator=estimator,
