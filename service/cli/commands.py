@@ -34,6 +34,11 @@ COMMANDS = (
         "Identify the process behind a step test, with its errors and a verdict.",
     ),
     Entry(
+        "frequency",
+        "service.cli.frequency:frequency",
+        "Read a chirp, sine steps or a multisine: response, model, margins without a model.",
+    ),
+    Entry(
         "repeats",
         "service.cli.repeats:repeats",
         "Pool repeated step tests of one loop, and say which of them does not belong.",
