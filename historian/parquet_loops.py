@@ -11,6 +11,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
+from deltalake import DeltaTable
+from deltalake.exceptions import DeltaError
 
 from historian.errors import ExportRefused
 from historian.sample_layout import FILE_SCHEMA
@@ -34,12 +36,21 @@ MOST_FILES = 100_000
 def parquet_files(folder: Path) -> list[Path]:
     """List the Parquet files below a folder, by path.
 
+    Of a Delta Lake table those of its newest version: the others are replaced data, still there
+    for whoever is reading them, and the log's own.
+
     Raises
     ------
     ExportRefused
         There are none, or too many.
     """
-    files = sorted(path for path in folder.rglob("*.parquet") if path.is_file())
+    tables = [log.parent for log in folder.rglob("_delta_log") if log.is_dir()]
+    loose = (
+        path
+        for path in folder.rglob("*.parquet")
+        if path.is_file() and not any(path.is_relative_to(table) for table in tables)
+    )
+    files = sorted({*loose, *(path for table in tables for path in _in_table(table))})
     if not files:
         raise ExportRefused(f"There is no Parquet file below {folder.name}.")
     if len(files) > MOST_FILES:
@@ -48,6 +59,13 @@ def parquet_files(folder: Path) -> list[Path]:
             f"at most {MOST_FILES} are read at once."
         )
     return files
+
+
+def _in_table(folder: Path) -> list[Path]:
+    try:
+        return [Path(uri) for uri in DeltaTable(folder).file_uris()]
+    except DeltaError as error:
+        raise ExportRefused(f"{folder.name} cannot be read as a Delta Lake table.") from error
 
 
 def loops_in(
@@ -77,7 +95,10 @@ def loops_in(
     if "loop" not in columns:
         yield file.stem, _samples(table, columns, meanings, file)
         return
-    names = table.column(columns["loop"]).cast(pa.string())
+    try:
+        names = table.column(columns["loop"]).cast(pa.string())
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
+        raise ExportRefused(f"Column {columns['loop']} of {file.name} holds no names.") from error
     for name in pc.unique(names).to_pylist():
         if name is not None:
             yield name, _samples(table.filter(pc.equal(names, name)), columns, meanings, file)
@@ -127,7 +148,7 @@ def _samples(
 def _values(table: pa.Table, column: str, file: Path) -> Real:
     try:
         cells = table.column(column).cast(pa.float64())
-    except pa.ArrowInvalid as error:
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
         raise ExportRefused(f"Column {column} of {file.name} does not hold numbers.") from error
     values = cells.to_numpy().astype(np.float64)
     return np.where(np.isfinite(values), values, np.nan)
@@ -142,6 +163,8 @@ def _modes(
     cells = table.column(column)
     if table.schema.names == FILE_SCHEMA.names:  # the sample store's own files
         return np.asarray(cells.fill_null(unknown).to_numpy(), dtype=np.int8)
+    if pa.types.is_nested(cells.type):
+        raise ExportRefused(f"Column {column} of {file.name} holds no modes, but {cells.type}.")
     words = cells.to_pylist()
     known: dict[object, Mode] = dict(Mode.__members__) | dict(meanings.items())
     foreign = {word for word in set(words) if word is not None and _word(word) not in known}

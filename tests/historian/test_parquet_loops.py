@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from deltalake import DeltaTable
 
 from historian.errors import ExportRefused
 from historian.parquet_loops import loops_in, parquet_files
@@ -115,3 +116,38 @@ def test_a_folder_without_files_and_a_file_that_is_none_are_refused(tmp_path: Pa
     (tmp_path / "broken.parquet").write_bytes(b"PAR1 not")
     with pytest.raises(ExportRefused, match=r"broken.parquet cannot be read as Parquet"):
         list(loops_in(parquet_files(tmp_path)[0]))
+
+
+def test_of_a_delta_table_only_the_files_that_count_are_read(tmp_path: Path) -> None:
+    store = SampleStore(tmp_path / "store")
+    for value in (1.0, 2.0):  # the second upload replaces the first
+        store.write(
+            "TIC-101",
+            Samples(
+                time=np.datetime64("2026-01-31T00:00", "us")
+                + np.arange(3).astype("timedelta64[m]"),
+                pv=np.full(3, value),
+                sp=np.full(3, 1.0),
+                op=np.full(3, 1.0),
+                mode=np.ones(3, np.int8),
+            ),
+        )
+    DeltaTable(tmp_path / "store").create_checkpoint()  # Parquet as well, and no data
+
+    for folder in (tmp_path, tmp_path / "store"):
+        (file,) = parquet_files(folder)
+    ((_, samples),) = loops_in(file)
+    assert samples.pv.tolist() == [2.0, 2.0, 2.0]
+
+
+@pytest.mark.parametrize("column", ["pv", "mode", "loop"])
+@pytest.mark.parametrize("cell", [[1], {"a": 1}])
+def test_columns_of_lists_and_structures_are_refused_by_name(
+    tmp_path: Path, column: str, cell: object
+) -> None:
+    stamps = pa.array(np.arange(2).astype("datetime64[us]"), pa.timestamp("us", "UTC"))
+    columns = {"time": stamps, "pv": pa.array([1.0, 2.0]), "op": pa.array([1.0, 2.0])}
+    file = tmp_path / "x.parquet"
+    pq.write_table(pa.table(columns | {column: pa.array([cell, cell])}), file)
+    with pytest.raises(ExportRefused, match=f"Column {column} of x.parquet"):
+        list(loops_in(file))
