@@ -12,6 +12,7 @@ from starlette.routing import compile_path
 from service.analysis.routes import router as analysis
 from service.assessments.routes import router as assessments
 from service.audit.routes import router as audit
+from service.frequencies.routes import router as frequencies
 from service.health import router as operation
 from service.jobs.routes import router as jobs
 from service.keys.routes import router as keys
@@ -26,8 +27,8 @@ from service.simulations.routes import router as simulations
 from service.tunings.routes import router as tunings
 
 ROUTERS: tuple[APIRouter, ...] = (
-    loops, samples, models, tunings, analysis, simulations, plans, sheets, assessments, plantwide,
-    jobs, keys, audit, operation
+    loops, samples, models, frequencies, tunings, analysis, simulations, plans, sheets, assessments,
+    plantwide, jobs, keys, audit, operation
 )  # fmt: skip
 UPLOADS: tuple[APIRouter, ...] = (records,)
 

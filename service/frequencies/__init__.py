@@ -1,0 +1,1 @@
+"""Frequency tests of stored loops: measured response, model and margins; nothing is stored."""
