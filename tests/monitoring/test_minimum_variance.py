@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from loop.controller import PID
@@ -17,6 +18,21 @@ def closed_loop(K: float, n: int, seed: int = 0) -> Real:
     """y = u(t-2) + (1 - .2/q)/(1 - 1/q) a under du = -K y: y = (1 - .2/q) a/(1 - 1/q + K/q^2)."""
     a = np.random.default_rng(seed).normal(size=n + 500)
     return np.asarray(lfilter([1, -0.2], [1, -1, K], a)[500:])
+
+
+def lagged_products(row: Real, lags: int) -> list[float]:
+    return [float(row[k:] @ row[: row.size - k]) / row.size for k in range(lags)]
+
+
+@pytest.mark.parametrize("delay", [5, 150])
+def test_long_records_rest_on_the_products_within_eight_blocks(delay: int) -> None:
+    white = np.random.default_rng(7).normal(size=80_000)
+    error = np.asarray(lfilter([1.0], [1.0, -0.99], white))
+    blocks = (error - error.mean()).reshape(8, -1)
+    r = np.mean([lagged_products(block, delay + 20) for block in blocks], axis=0)
+    right = r[delay:]
+    expected = 1 - right @ solve_toeplitz(r[:20], right) / r[0]
+    assert minimum_variance(error, delay=delay).eta == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from monitoring.acf_decay import acf_decay
 from monitoring.basis import Confidence
 from monitoring.half_periods import half_periods
 from monitoring.oscillation import OscillationVerdict, acf_regularity, oscillation
-from monitoring.spectrum import band_pass, segment_spectra
+from monitoring.spectrum import BandFilter, band_pass, segment_spectra
 
 
 def wave(n: int, period: float, *, amplitude: float = 1.0, phase: float = 0.3) -> Real:
@@ -100,6 +100,26 @@ def test_the_band_pass_keeps_its_band_and_nothing_else() -> None:
     inside, outside = wave(4000, 50.0), wave(4000, 150.0)
     kept = band_pass(inside + outside + 5.0, 50.0, width=2**0.4)
     np.testing.assert_allclose(kept[500:-500], inside[500:-500], atol=0.03)
+
+
+@pytest.mark.parametrize("n", [6000, 6007])
+def test_a_thinned_band_runs_through_the_points_of_the_full_one(n: int) -> None:
+    signal = noise(n, 3, 0.97) + wave(n, 400.0)
+    full = band_pass(signal, 400.0, width=2**0.4)
+    thin, step = BandFilter.of(signal).thinned(400.0, width=2**0.4, points=48)
+    assert step == pytest.approx(400 / 48, rel=0.05)
+    at = np.arange(thin.size) * step
+    inside = at <= n - 1
+    assert np.count_nonzero(~inside) <= 1
+    expected = np.interp(at[inside], np.arange(n), full)
+    assert np.max(np.abs(thin[inside] - expected)) < 2e-4 * float(np.ptp(full))
+
+
+def test_a_short_period_is_not_thinned() -> None:
+    signal = noise(3000, 4) + wave(3000, 12.0)
+    thin, step = BandFilter.of(signal).thinned(12.0, width=2**0.4, points=48)
+    assert step == 1
+    np.testing.assert_allclose(thin, band_pass(signal, 12.0, width=2**0.4), atol=1e-12)
 
 
 def test_scores_of_white_noise_average_to_one_and_a_line_stands_out_as_theory_says() -> None:
