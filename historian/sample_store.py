@@ -341,7 +341,8 @@ def _range(start: datetime | None, end: datetime | None) -> tuple[int, int]:
     until = END if end is None else microseconds(end)
     if since > until:
         raise ValueError(f"start must not be after end, got {start} and {end}")
-    return since, until
+    # Nothing is stored beyond, and not every instant there has a day in the calendar.
+    return max(BEGINNING, min(since, END)), max(BEGINNING, min(until, END))
 
 
 def _name(loop_id: str | UUID) -> str:

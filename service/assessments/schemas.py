@@ -1,6 +1,6 @@
 """Bodies of assessment requests and answers."""
 
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from typing import Annotated, Literal, Self, TypeAlias
 from uuid import UUID
 
@@ -11,6 +11,8 @@ from service.schemas import Answer, Strict
 from service.units import Moment, Reason
 
 MOST_LOOPS = 10_000
+# Within it every zone's instants have a day in UTC; samples lie within it too.
+EARLIEST, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
 LONGEST_PERIOD = timedelta(days=31)
 CauseName: TypeAlias = Literal[
     "healthy", "valve", "tuning", "disturbance", "sensor", "constraint", "not in use",
@@ -29,6 +31,11 @@ class Period(Strict):
         if not timedelta(0) < self.end - self.start <= LONGEST_PERIOD:
             raise ValueError(
                 f"end must be after start by at most {LONGEST_PERIOD.days} days, "
+                f"got {self.start.isoformat()} to {self.end.isoformat()}"
+            )
+        if self.start < EARLIEST or self.end > LATEST:
+            raise ValueError(
+                f"a period lies between {EARLIEST.year} and {LATEST.year}, "
                 f"got {self.start.isoformat()} to {self.end.isoformat()}"
             )
         return self

@@ -1,6 +1,6 @@
 """What a sheet version did to its loop: the routine data before and after it, compared."""
 
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from uuid import UUID
 
 from sqlalchemy.orm import Session
@@ -44,6 +44,7 @@ def effect_of_sheet(
     changed = changed_at or sheet.decision.created_at
     next_change = store.next_approval(reading, loop_id, sheet.decision)
     try:
+        changed = changed.astimezone(UTC)
         begin, end = changed - span, changed + span
     except OverflowError as error:
         raise InvalidRequest("query/changed_at", "There is no calendar so long.") from error

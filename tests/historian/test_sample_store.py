@@ -1,5 +1,5 @@
 from collections.abc import Iterator
-from datetime import UTC, date, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta, timezone
 from pathlib import Path
 from uuid import UUID
 
@@ -174,6 +174,14 @@ def test_a_range_begins_with_start_and_ends_before_end(store: SampleStore) -> No
     assert len(store.read("FIC-211", start + timedelta(days=900))) == 0
     far = datetime(9999, 12, 31, tzinfo=UTC)
     assert len(store.read("FIC-211", datetime(1, 1, 1, tzinfo=UTC), far)) == 4
+
+
+def test_a_range_beyond_the_calendar_of_utc_holds_nothing(store: SampleStore) -> None:
+    store.write("FIC-211", samples([0, 60, 120, 180], pv=1.0))
+    east, west = timezone(timedelta(hours=14)), timezone(timedelta(hours=-12))
+    last = datetime(9999, 12, 31, 20, tzinfo=west)
+    assert len(store.read("FIC-211", last, last + timedelta(hours=1))) == 0
+    assert len(store.read("FIC-211", datetime(1, 1, 1, tzinfo=east), last)) == 4
 
 
 def test_a_range_is_refused_in_words(store: SampleStore) -> None:

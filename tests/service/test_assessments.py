@@ -203,6 +203,14 @@ def test_the_scorecard_names_areas_and_the_loops_that_cost_most(
         ({"start": "2025-01-01T00:00:00Z", "end": DAY["end"]}, "at most 31 days"),
         ({"start": "2026-01-31T00:00:00", "end": DAY["end"]}, "timezone"),
         ({**DAY, "loop_ids": []}, "at least 1 item"),
+        (
+            {"start": "9999-12-31T00:00:00-12:00", "end": "9999-12-31T20:00:00-12:00"},
+            "a period lies between 1970 and 2200",
+        ),
+        (
+            {"start": "0001-01-01T00:00:00+14:00", "end": "0001-01-02T00:00:00+14:00"},
+            "a period lies between 1970 and 2200",
+        ),
     ],
 )
 def test_a_period_that_cannot_be_is_refused(

@@ -94,6 +94,7 @@ def test_a_draft_changed_nothing(client: TestClient, approved: str) -> None:
         {"changed_at": "noon"},
         {"changed_at": "0001-01-02T00:00:00Z"},
         {"changed_at": "9999-12-31T00:00:00Z"},
+        {"changed_at": "9999-12-31T12:00:00-12:00", "days": 0.1},
     ],
 )
 def test_a_period_that_cannot_be_is_refused(
