@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import ParamSpec, TypeAlias, TypeVar
 
-from advice.assess import assess, not_assessed
+from advice.assess import Assessment, assess, not_assessed
 from advice.assessment_body import assessment_body
 from advice.body import Body
 from loop.record import Record
@@ -29,7 +29,8 @@ LOOPS_A_CHUNK = 8
 SAMPLES_A_CHUNK = 500_000  # after which a chunk is full: a month of seconds goes alone
 CHUNKS_IN_FLIGHT = 6  # enough that no worker of a small machine waits for the reader
 PATIENCE = 10.0  # s, for a scheduler to answer
-MOST_DEATHS = 3  # of workers over one chunk, after which its loops are told apart from bad luck
+MOST_DEATHS = 3  # of workers over one loop, after which it is no longer bad luck
+MOST_DEATHS_IN_ALL = 30  # after which it is the machine and not the loops
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,14 +89,13 @@ class LoopResult:
 
 
 class WorkersKeepDying(RuntimeError):
-    """Workers died over the same loops again and again."""
+    """Workers died again and again, whatever they worked on."""
 
-    def __init__(self, names: tuple[str, ...]) -> None:
+    def __init__(self, deaths: int) -> None:
         super().__init__(
-            f"Workers died {MOST_DEATHS} times while assessing {', '.join(names)}; "
-            "is the memory enough?"
+            f"Workers died {deaths} times, whatever they worked on; is the memory enough?"
         )
-        self.names = names
+        self.deaths = deaths
 
 
 def assess_loop(loop: FleetLoop, profile: str = DEFAULT_SCORE_PROFILE) -> LoopResult:
@@ -111,6 +111,13 @@ def assess_loop(loop: FleetLoop, profile: str = DEFAULT_SCORE_PROFILE) -> LoopRe
         )
     except (ValueError, ArithmeticError) as reason:
         assessment = not_assessed(loop.record, str(reason), kind=loop.kind, profile=profile)
+    except Exception as surprise:  # noqa: BLE001 - one loop must not cost the plant its day
+        reason_ = f"the assessment failed unexpectedly ({type(surprise).__name__})"
+        assessment = not_assessed(loop.record, reason_, kind=loop.kind, profile=profile)
+    return _result(loop, assessment)
+
+
+def _result(loop: FleetLoop, assessment: Assessment) -> LoopResult:
     diagnosis = assessment.diagnosis
     return LoopResult(
         name=loop.name,
@@ -142,14 +149,14 @@ def assess_fleet(
     Raises
     ------
     WorkersKeepDying
-        The same loops cost one worker after the other.
+        One worker after the other dies, whatever it works on.
     """
     if crew is None:
         yield from (assess_loop(loop, profile) for loop in loops)
         return
     source = iter(loops)
     waiting: deque[_Chunk] = deque()
-    executor = crew()
+    team = _Team(crew)
     try:
         while True:
             while len(waiting) < CHUNKS_IN_FLIGHT:
@@ -161,20 +168,19 @@ def assess_fleet(
                 return
             try:
                 for chunk in waiting:
-                    chunk.begin(executor)
+                    chunk.begin(team.executor)
                 found = waiting[0].result()
             except BrokenExecutor:
-                # Nobody can tell which chunk it was, so the oldest is held to it.
-                executor.shutdown(wait=False, cancel_futures=True)
-                waiting[0].died()
+                team.renew()
+                # Nobody can tell whose loop it was: what was under way comes one by one.
                 for chunk in waiting:
-                    chunk.future = None
-                executor = crew()
+                    yield from (_alone(loop, profile, team) for loop in chunk.loops)
+                waiting.clear()
                 continue
             waiting.popleft()
             yield from found
     finally:
-        executor.shutdown(wait=False, cancel_futures=True)
+        team.dismiss()
 
 
 def _taken(source: Iterator[FleetLoop]) -> tuple[FleetLoop, ...]:
@@ -194,7 +200,6 @@ class _Chunk:
     loops: tuple[FleetLoop, ...]
     profile: str
     future: Future[list[LoopResult]] | None = None
-    deaths: int = 0
 
     def begin(self, executor: Executor) -> None:
         if self.future is None:
@@ -204,10 +209,35 @@ class _Chunk:
         assert self.future is not None  # noqa: S101 - it has begun
         return self.future.result()
 
-    def died(self) -> None:
-        self.deaths += 1
-        if self.deaths >= MOST_DEATHS:
-            raise WorkersKeepDying(tuple(loop.name for loop in self.loops))
+
+class _Team:
+    """The workers, and new ones in the place of those that died."""
+
+    def __init__(self, crew: Crew) -> None:
+        self._crew = crew
+        self._deaths = 0
+        self.executor = crew()
+
+    def renew(self) -> None:
+        self.dismiss()
+        self._deaths += 1
+        if self._deaths > MOST_DEATHS_IN_ALL:
+            raise WorkersKeepDying(self._deaths)
+        self.executor = self._crew()
+
+    def dismiss(self) -> None:
+        self.executor.shutdown(wait=False, cancel_futures=True)
+
+
+def _alone(loop: FleetLoop, profile: str, team: _Team) -> LoopResult:
+    """Assess a loop with nothing else under way; one that kills its worker is answered so."""
+    for _ in range(MOST_DEATHS):
+        try:
+            return team.executor.submit(_assess_all, (loop,), profile).result()[0]
+        except BrokenExecutor:
+            team.renew()
+    reason = f"whatever worked on it died, {MOST_DEATHS} times; is the memory enough?"
+    return _result(loop, not_assessed(loop.record, reason, kind=loop.kind, profile=profile))
 
 
 def _assess_all(loops: tuple[FleetLoop, ...], profile: str) -> list[LoopResult]:

@@ -76,10 +76,39 @@ def test_what_a_dead_worker_was_doing_is_done_again_and_nothing_twice() -> None:
     assert [one.name for one in found] == [str(n) for n in range(40)]
 
 
-def test_loops_that_kill_every_worker_are_named() -> None:
+class _Poisoned(Executor):
+    """An executor whose workers die over one loop."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        if any(loop.name == "17" for loop in args[0]):
+            future.set_exception(BrokenProcessPool("killed"))
+        else:
+            future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def test_a_loop_that_kills_its_workers_is_answered_so_and_costs_no_other() -> None:
+    found = list(assess_fleet(loops(40), crew=_Poisoned))
+    assert [one.name for one in found] == [str(n) for n in range(40)]
+    assert [one.name for one in found if one.cause == "not assessable"] == ["17"]
+    assert "died, 3 times" in found[17].because
+
+
+def test_workers_that_die_whatever_they_do_end_the_run() -> None:
     _Mortal.begun = 0
-    with pytest.raises(WorkersKeepDying, match="assessing 0, 1, 2"):
+    with pytest.raises(WorkersKeepDying, match="whatever they worked on"):
         list(assess_fleet(loops(40), crew=lambda: _Mortal(set(range(1, 1000)))))
+
+
+def test_a_surprise_over_one_loop_is_that_loops_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stumble(*_: Any, **__: Any) -> Any:
+        raise IndexError("nobody thought of this")
+
+    monkeypatch.setattr(fleet, "assess", stumble)
+    (found,) = assess_fleet(loops(1))
+    assert (found.cause, found.points) == ("not assessable", None)
+    assert found.because == "the assessment failed unexpectedly (IndexError)"
 
 
 def _die_once(chunk: tuple[FleetLoop, ...], profile: str) -> list[LoopResult]:
