@@ -5,6 +5,7 @@ follow it at any lag: the sharpest test of a model from closed-loop data. The ou
 therefore only its past is asked.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,7 +101,7 @@ def _crossing(fit: PredictionErrorFit, moves: list[Real]) -> Crossing:
     )
 
 
-def _sums(signals: list[Real], moves: list[Real], lags: int) -> tuple[Real, Real]:
+def _sums(signals: Sequence[Real], moves: Sequence[Real], lags: int) -> tuple[Real, Real]:
     """Sums of move times signal k samples later, and of the squares of those moves."""
     inner, size = np.zeros(lags), np.zeros(lags)
     for e, moved in zip(signals, moves, strict=True):

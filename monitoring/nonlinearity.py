@@ -12,7 +12,7 @@ MOST_CYCLES = 24
 FEWEST_CYCLES = 10
 NEIGHBOURS = 8
 SURROGATES = 60
-# Three standard deviations of the surrogates; the method's page says how often linear loops pass it.
+# Three standard deviations of the surrogates; the method's page says how often that misleads.
 LIMIT = 1.0
 
 
