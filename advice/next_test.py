@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from advice.body import Body
 from advice.display import digits
-from advice.planning import Json, plan_body, plan_sentences
+from advice.planning import plan_body, plan_sentences
 from advice.tune import TuningCase
 from identification.planner import StepPlan, Wishes, plan_steps
 from loop.process import FOPDT, SOPDT, Process
@@ -141,7 +142,7 @@ def _noise(pv: Real) -> float:
     return float(np.median(rough)) / MEDIAN_DEVIATION / 6**0.5
 
 
-def next_test_body(found: NextTest) -> dict[str, Json]:
+def next_test_body(found: NextTest) -> Body:
     """The test to run next as a JSON document."""
     guess = found.guess
     return {

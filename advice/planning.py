@@ -3,14 +3,13 @@
 from dataclasses import asdict
 from typing import Literal, TypeAlias
 
+from advice.body import Body
 from advice.display import digits
 from identification.planner import StepPlan, Wishes, plan_steps
 from identification.relay_planner import RelayPlan, plan_relay
 
 Plan: TypeAlias = StepPlan | RelayPlan
 Kind: TypeAlias = Literal["steps", "relay"]
-# As in `advice.body`, which itself imports this module for the test to run next.
-Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 
 
 def plan_test(wishes: Wishes, kind: Kind = "steps") -> Plan:
@@ -65,9 +64,9 @@ def plan_sentences(plan: Plan) -> list[str]:
     ]
 
 
-def plan_body(plan: Plan) -> dict[str, Json]:
+def plan_body(plan: Plan) -> Body:
     """The plan as the JSON document of REST and command line."""
-    values: dict[str, Json] = {
+    values: Body = {
         name: list(value) if isinstance(value, tuple) else value
         for name, value in asdict(plan).items()
     }

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from advice.body import case_body
+from advice.case_body import case_body
 from advice.tune import TuningCase, tune, tune_process
 from benchmarks.exact_margins import Plant
 from benchmarks.margins import with_pade

@@ -16,6 +16,7 @@ from loop.factors import FactoredLoop, polynomial_roots
 from loop.process import Process
 from loop.signals import Complex, Flags, Real
 from loop.stability import count_unstable_poles
+from loop.transport_line import expanded, transport_line_poles
 from loop.winding import turning
 
 # The view by default: this many times the crossover, and no further than so many turns of the
@@ -146,7 +147,7 @@ def poles_within(loop: FactoredLoop, view: Rectangle, nodes: int) -> Complex:
     if not loop.theta:
         return _inside(_polynomial_roots(loop), view)
     seen, hidden = _without_cancellations(loop)
-    starts = _start_values(seen, nodes)
+    starts = transport_line_poles(seen, nodes)
     margin = NEAR * (np.abs(starts) + 1 / loop.theta)
     # Eigenvalues far outside are the discretisation's own, and lead nowhere.
     found = _refined(seen, starts[_within(starts, view, margin)])
@@ -238,13 +239,9 @@ def nodes_for(loop: FactoredLoop, view: Rectangle) -> int:
 
 def _polynomial_roots(loop: FactoredLoop) -> Complex:
     """Roots of d + n, for a loop without dead time."""
-    d, n = _expanded(loop.poles), _expanded(loop.zeros)
+    d, n = expanded(loop.poles), expanded(loop.zeros)
     total = np.trim_zeros(np.polyadd(d, loop.sign * math.exp(loop.log_k) * n), "f")
     return _sorted(polynomial_roots(tuple(map(float, total))))
-
-
-def _expanded(roots: Complex) -> Real:
-    return np.atleast_1d(np.poly(roots)).real
 
 
 def _sorted(poles: Complex) -> Complex:
@@ -355,40 +352,6 @@ def _inside(s: Complex, view: Rectangle) -> Complex:
 def _within(s: Complex, view: Rectangle, margin: Real) -> Flags:
     wide = (s.real > view.left - margin) & (s.real < view.right + margin)
     return np.asarray(wide & (np.abs(s.imag) < view.height + margin))
-
-
-def _start_values(loop: FactoredLoop, nodes: int) -> Complex:
-    """Eigenvalues of the loop with its delay as a transport line at Chebyshev points."""
-    theta = loop.theta
-    # In units of 1/theta: dx/dt = A x + B z(1), z(0) = -(C x + D z(1)), dz/dt = -dz/dxi.
-    d, n = _expanded(loop.poles * theta), _expanded(loop.zeros * theta)
-    gain = loop.sign * math.exp(loop.log_k + loop.excess * math.log(theta))
-    order = d.size - 1
-    n = np.concatenate([np.zeros(d.size - n.size), gain * n])
-    D = _differentiation(nodes)
-    total = np.zeros((order + nodes, order + nodes))
-    total[:order, :order] = np.eye(order, k=-1)
-    direct = n[0]
-    C = n[1:] - direct * d[1:]
-    if order:
-        total[0, :order] = -d[1:]
-        total[0, -1] = 1.0
-    # Rows of the line; column 0 of D goes with z(0), which the loop closes.
-    total[order:, order:] = -D[1:, 1:]
-    total[order:, :order] += D[1:, :1] * C[None, :]
-    total[order:, -1] += D[1:, 0] * direct
-    return np.asarray(np.linalg.eigvals(total) / theta, dtype=complex)
-
-
-def _differentiation(nodes: int) -> Real:
-    """Matrix that differentiates a polynomial at Chebyshev points of [0, 1], ascending."""
-    k = np.arange(nodes + 1)
-    x = 0.5 * (1 - np.cos(math.pi * k / nodes))
-    c = np.where((k == 0) | (k == nodes), 2.0, 1.0) * (-1.0) ** k
-    gap = x[:, None] - x
-    D = np.outer(c, 1 / c) / (gap + np.eye(nodes + 1))
-    D -= np.diag(D.sum(axis=1))
-    return np.asarray(D)
 
 
 def _count(loop: FactoredLoop, view: Rectangle) -> int:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from advice.body import case_model_body
+from advice.case_body import case_model_body
 from advice.tune import tune
 from service.cli import reading
 from service.cli.printing import print_model

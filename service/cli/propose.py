@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from advice.body import case_body
+from advice.case_body import case_body
 from advice.report.page import write_report
 from advice.tune import tune_process
 from loop.errors import RuleNotApplicable

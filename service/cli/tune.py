@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from advice.body import case_body
+from advice.case_body import case_body
 from advice.report.page import write_report
 from advice.robust_body import optimal_words, proof_words, robust_body
 from advice.robust_choice import optimal_choices, prove_case

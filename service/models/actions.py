@@ -6,8 +6,9 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
-from advice.body import Body, data_body, model_body, stated_model_body
+from advice.body import Body
 from advice.identifying import identified
+from advice.model_body import data_body, model_body, stated_model_body
 from historian.sample_store import SampleStore
 from loop.errors import NoSamples
 from loop.record import Record

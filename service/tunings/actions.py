@@ -5,7 +5,8 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
-from advice.body import Body, case_body
+from advice.body import Body
+from advice.case_body import case_body
 from advice.robust_body import robust_body
 from advice.robust_choice import optimal_choices, prove_case
 from advice.tune import StatedProcess, TuningCase, tune_process

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from advice.body import case_body
+from advice.case_body import case_body
 from advice.tune import tune, tune_process
 from loop.controller import PID
 from loop.plants import PLANT, relay_test

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from advice.body import case_body
+from advice.case_body import case_body
 from advice.identifying import identified
 from advice.tune import tune
 from identification.verdict import Verdict

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from advice.body import case_body
+from advice.case_body import case_body
 from advice.next_test import NextTest, after, next_test, next_test_sentences
 from advice.planning import plan_body, plan_sentences, plan_test
 from advice.report.page import report_page

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from advice.body import case_body
+from advice.case_body import case_body
 from advice.facts import model_facts
 from advice.tune import TuningCase, tune
 from loop.margins import margins

@@ -8,7 +8,7 @@ from uuid import uuid4
 import pytest
 from fastapi.testclient import TestClient
 
-from advice.body import case_body
+from advice.case_body import case_body
 from advice.tune import tune_process
 from loop.process import FOPDT
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from advice.body import case_body
+from advice.case_body import case_body
 from advice.tune import tune_process
 from loop.process import IPDT, TransferFunction
 from service.cli import run
