@@ -1,0 +1,1 @@
+"""Figures of the documentation, drawn by scripts from the product's own numbers."""

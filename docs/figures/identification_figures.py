@@ -1,0 +1,41 @@
+"""Figures of the pages on identification: simulated tests whose truth is known.
+
+Run `python -m docs.figures` in the root of the project to draw them all again.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from docs.figures.style import Draw, band, data, held, label, model, panels
+from identification.identify import identify
+from loop.open_loop import process_output
+from loop.process import FOPDT
+from loop.record import Record
+
+
+def fopdt_least_squares() -> Figure:
+    """A staircase in noise with a drift: readings, model and what the model leaves."""
+    t = np.arange(0.0, 2400.0, 4.0)
+    op = np.select([t < 200, t < 900, t < 1600], [40.0, 45.0, 38.0], 40.0)
+    pv = process_output(FOPDT(K=2.0, tau=120.0, theta=30.0), t, op, pv0=70.0)
+    pv += 0.002 * t + np.random.default_rng(3).normal(0.0, 0.4, t.size)
+    found = identify(Record(t=t, pv=pv, op=op))
+    assert found.predicted is not None
+    assert found.residual is not None
+    assert found.noise_sd is not None
+    figure, (top, middle, bottom) = panels(3, heights=(3.0, 1.0, 1.4))
+    data(top, t, pv, "PV")
+    model(top, t, found.predicted, "model with its drift")
+    label(top, y="PV [°C]", title="A step test with drift")
+    held(middle, t, op)
+    label(middle, y="OP [%]")
+    noise = np.full(2, 2 * found.noise_sd)
+    band(bottom, t[[0, -1]], -noise, noise, "± 2 sd of noise")
+    data(bottom, t, found.residual)
+    label(bottom, x="Time [s]", y="PV − model [°C]", legend="upper right")
+    return figure
+
+
+FIGURES: Mapping[str, Draw] = {"fopdt-least-squares": fopdt_least_squares}
