@@ -104,10 +104,12 @@ def runner_up(other: Candidate) -> str:
         f"{name} {digits(value, 3)}"
         for name, value in zip(other.structure.names, other.values.tolist(), strict=True)
     )
-    return (
-        f"{other.structure.name}: {values}; misses PV by up to {digits(100 * other.part, 2)} % of "
-        f"the answer, criterion {other.bic:+.0f} against one lag"
+    missed = (
+        f"misses PV by up to {digits(100 * other.part, 2)} % of the answer"
+        if other.part
+        else "misses PV nowhere beyond the noise"
     )
+    return f"{other.structure.name}: {values}; {missed}, criterion {other.bic:+.0f} against one lag"
 
 
 def _one_lag(p: FOPDT, errors: Real | None, record: Record | None) -> Facts:

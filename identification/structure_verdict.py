@@ -88,7 +88,9 @@ def _misfit(chosen: Candidate, first_move: float) -> Finding:
     verdict = graded(chosen.part, FAR_OFF, TOO_FAR_OFF)
     size = f"{100 * chosen.part:.2g} % of the answer"
     where = f"between {chosen.misfit.start:.4g} s and {chosen.misfit.end:.4g} s"
-    if verdict is Verdict.TRUSTED:
+    if chosen.part == 0:
+        text = "no error of the model stands out from the noise anywhere"
+    elif verdict is Verdict.TRUSTED:
         text = f"the model is off by no more than {size} anywhere"
     elif chosen.misfit.end < first_move:
         text = f"PV moved before the step: by {size} {where}"

@@ -177,7 +177,9 @@ def judge_misfit(misfit: Misfit, swing: float, first_move: float) -> Finding:
     part = misfit.size / swing
     verdict = graded(part, FAR_OFF, TOO_FAR_OFF)
     where = f"between {misfit.start:.4g} s and {misfit.end:.4g} s"
-    if verdict is Verdict.TRUSTED:
+    if part == 0:
+        text = "no error of the model stands out from the noise anywhere"
+    elif verdict is Verdict.TRUSTED:
         text = f"the model is off by no more than {_percent(part)} of the answer anywhere"
     elif misfit.end < first_move:
         text = f"PV moved before the step: by {_percent(part)} of the answer {where}"

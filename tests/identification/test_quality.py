@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identification.quality import fit_percent, residual_colour, worst_misfit
+from identification.quality import Misfit, fit_percent, residual_colour, worst_misfit
 from identification.spikes import find_spikes
+from identification.verdict import Verdict, judge_misfit
 
 
 def test_white_noise_is_white_as_often_as_the_test_promises() -> None:
@@ -105,3 +106,16 @@ def test_short_records_and_readings_that_repeat_have_no_spikes_to_tell() -> None
     one_digit = np.zeros(100)
     one_digit[50] = 0.5
     assert not np.any(find_spikes(one_digit, 7 + one_digit))
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [
+        (0.0, "no error of the model stands out from the noise anywhere"),
+        (0.01, "the model is off by no more than 0.1 % of the answer anywhere"),
+    ],
+)
+def test_a_misfit_that_noise_hides_is_said_in_words_and_not_as_zero(size: float, said: str) -> None:
+    found = judge_misfit(Misfit(size=size, start=100.0, end=200.0), swing=10.0, first_move=50.0)
+
+    assert (found.verdict, found.reason) == (Verdict.TRUSTED, said)
