@@ -47,6 +47,7 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
             ("tuning_request", "all rules with their sweeps for one process", 40.0),
             ("process_batch", "AMIGO and SIMC on 133 processes, margins of the process", 60.0),
             ("csv_import", "historian exports against pandas, pyarrow, polars", 320.0),
+            ("sample_store", "a loop's month, a day of all loops, corrections", 150.0),
             ("false_alarms", "oscillation and stiction: 1,000 healthy loops, sticking ones", 170.0),
             ("loop_day", "monitoring of 86,400 samples against statsmodels/scipy", 90.0),
             ("http_tuning", "a tuning request through HTTP", 60.0),

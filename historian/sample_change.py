@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from historian.sample_layout import SampleFile, bucket_of, regrouped, tables_of, write_file
-from historian.sample_reading import block_of, read_file, read_loop
+from historian.sample_reading import block_of, read_files, read_loop, rows_in
 from historian.sample_rows import Rows, merge
 from loop.signals import Flags
 
@@ -64,7 +64,7 @@ def change_day(
     remove: list[SampleFile] = []
     try:
         for file in stored_files:
-            stored = read_loop(folder, file, loop)
+            stored = rows_in(read_loop(folder, file, loop))
             if stored.size and _lay_over(stored, uploaded, known, differs):
                 add.append(_rewrite(folder, loop, file, stored))
                 remove.append(file)
@@ -104,7 +104,7 @@ def _rewrite(folder: Path, loop: str, file: SampleFile, rows: Rows) -> SampleFil
     """Write a file again with other rows for one of its loops."""
     if file.only_holds(loop):
         return write_file(folder, file.day, file.bucket, tables_of(loop, rows))
-    table = read_file(folder, file)
+    table = read_files(folder, [file])
     start, end = block_of(table, loop)
     parts = [table.slice(0, start), *tables_of(loop, rows), table.slice(end)]
     return write_file(folder, file.day, file.bucket, regrouped(parts))

@@ -4,6 +4,7 @@ Every file is sorted by loop and time, so that one loop's month and one day of a
 few row groups. The sizes are measured: docs/decisions/0002-sample-store.md.
 """
 
+import itertools
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -20,7 +21,10 @@ from historian.sample_rows import DAY, SIGNALS, UNKNOWN, Rows
 from historian.samples import EPOCH
 
 BUCKETS = 8
-ROWS_A_GROUP = 72_000
+ROWS_A_GROUP = 14_400  # one loop's rows are found by decoding whole groups: ten days of minutes
+# A dictionary pays while few values repeat often: rounded data yes, full precision no.
+DICTIONARY_BYTES = 32_768  # beyond it a group goes on with plain values
+ROWS_A_VALUE = 3  # how often a value has to come in the first group for a dictionary
 PARTITIONS = ("date", "bucket")
 
 FILE_SCHEMA = pa.schema(
@@ -148,17 +152,20 @@ class _Extent:
 
 def _write_groups(path: Path, tables: Iterable[pa.Table]) -> _Extent:
     extent: _Extent | None = None
+    coming = iter(tables)
+    start = next(coming, None)
+    if start is None:
+        raise ValueError("a sample file needs at least one row, got none")
     with pq.ParquetWriter(
         path,
         FILE_SCHEMA,
         compression="zstd",
-        # Few distinct names, modes and set points; PV and OP as plain values under ZSTD stay
-        # within a third of the best encoding both for rounded and for full-precision data.
-        use_dictionary=["loop", "sp", "mode"],
+        use_dictionary=["loop", "sp", "mode", *_repeating(start)],
+        dictionary_pagesize_limit=DICTIONARY_BYTES,
         column_encoding={"time": "DELTA_BINARY_PACKED"},
         store_schema=False,
     ) as writer:
-        for table in tables:
+        for table in itertools.chain([start], coming):
             group = table.cast(FILE_SCHEMA)
             writer.write_table(group, row_group_size=ROWS_A_GROUP)
             times = pc.min_max(group.column("time").cast(pa.int64())).as_py()
@@ -170,9 +177,14 @@ def _write_groups(path: Path, tables: Iterable[pa.Table]) -> _Extent:
                 extent.last_loop = last
                 extent.first_time = min(extent.first_time, times["min"])
                 extent.last_time = max(extent.last_time, times["max"])
-    if extent is None:
-        raise ValueError("a sample file needs at least one row, got none")
+    assert extent is not None  # noqa: S101 - there was a first table
     return extent
+
+
+def _repeating(table: pa.Table) -> list[str]:
+    """Name the signals whose values repeat often enough for a dictionary."""
+    most = min(table.num_rows // ROWS_A_VALUE, DICTIONARY_BYTES // 8)
+    return [name for name in ("pv", "op") if pc.count_distinct(table[name]).as_py() <= most]
 
 
 def regrouped(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
@@ -180,3 +192,17 @@ def regrouped(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
     whole = pa.concat_tables(tables)
     for start in range(0, whole.num_rows, ROWS_A_GROUP):
         yield whole.slice(start, ROWS_A_GROUP)
+
+
+def loops_apart(files: Iterable[SampleFile]) -> Iterator[list[SampleFile]]:
+    """Put files of one day together so that no loop is in files of two heaps."""
+    heap: list[SampleFile] = []
+    last = ""
+    for file in sorted(files, key=lambda file: (file.bucket, file.first_loop)):
+        if heap and (file.bucket != heap[-1].bucket or file.first_loop > last):
+            yield heap
+            heap, last = [], ""
+        heap.append(file)
+        last = max(last, file.last_loop)
+    if heap:
+        yield heap

@@ -48,6 +48,7 @@ class SampleLog:
         self._folder = folder
         self._entries = folder / "_delta_log"
         self._table = self._open()
+        self._listing: tuple[int, pa.Table] | None = None  # of a version, which never changes
         self._lasting_entries = -1  # log entries up to this one are known to be on the disk
         self._lasting_folders = {folder}  # and these folders to be entered in theirs
 
@@ -98,7 +99,9 @@ class SampleLog:
         loop: str | None = None,
     ) -> list[SampleFile]:
         """List the files that may hold what is asked for, by date."""
-        listed = pa.table(self._table.get_add_actions(flatten=True))
+        if self._listing is None or self._listing[0] != self.version:
+            self._listing = self.version, pa.table(self._table.get_add_actions(flatten=True))
+        listed = self._listing[1]
         wanted = np.ones(listed.num_rows, np.bool_)
         if bucket is not None:
             wanted &= pc.equal(listed["partition.bucket"], bucket).to_numpy()

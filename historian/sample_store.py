@@ -22,11 +22,11 @@ import pyarrow as pa
 from deltalake.exceptions import CommitFailedError, DeltaError
 
 from historian.sample_change import Change, change_day, discard
-from historian.sample_layout import BUCKETS, SampleFile, bucket_of, day_of
+from historian.sample_layout import SampleFile, bucket_of, day_of, loops_apart
 from historian.sample_log import SampleLog
-from historian.sample_reading import blocks_of, in_order, read_file, read_loop
+from historian.sample_reading import read_files, read_loop, samples_by_loop, samples_in
 from historian.sample_recovery import WAITING, sweep_staging
-from historian.sample_rows import ROW, Rows, rows_of, samples_of, sorted_once
+from historian.sample_rows import rows_of, sorted_once
 from historian.sample_spool import Spool
 from historian.sample_tidy import Tidied, tidy
 from historian.samples import EARLIEST, LATEST, Samples, instant, microseconds
@@ -244,10 +244,10 @@ class SampleStore:
         files = self._listed(
             bucket=bucket_of(loop), loop=loop, first_day=day_of(since), last_day=day_of(until)
         )
-        rows = self._rows(loop, files, since, until)
-        if not rows.size:
+        found = self._found(loop, files, since, until)
+        if not len(found):
             self.span(loop)  # says so where there is nothing of the loop at all
-        return samples_of(rows)
+        return found
 
     def read_in_parts(
         self, loop_id: str | UUID, start: datetime | None = None, end: datetime | None = None
@@ -262,21 +262,18 @@ class SampleStore:
             bucket=bucket_of(loop), loop=loop, first_day=day_of(since), last_day=day_of(until)
         )
         for _, of_day in itertools.groupby(files, lambda file: file.day):
-            rows = self._rows(loop, list(of_day), since, until)
-            if rows.size:
-                yield samples_of(rows)
+            found = self._found(loop, list(of_day), since, until)
+            if len(found):
+                yield found
 
     def read_day(self, day: date) -> Iterator[tuple[str, Samples]]:
-        """Go through all loops of one day in UTC, a bucket of loops in memory at a time.
+        """Go through all loops of one day in UTC, each file read once.
 
+        What files have loops in common is in memory at a time: after `tidy` about a million rows.
         Loops come in no particular order; a day without samples gives nothing.
         """
-        for bucket in range(BUCKETS):
-            files = self._listed(bucket=bucket, first_day=day, last_day=day)
-            if files:
-                table = in_order(pa.concat_tables(read_file(self._folder, f) for f in files))
-                for loop, rows in blocks_of(table):
-                    yield loop, samples_of(sorted_once(rows))
+        for files in loops_apart(self._listed(first_day=day, last_day=day)):
+            yield from samples_by_loop(read_files(self._folder, files))
 
     def span(self, loop_id: str | UUID) -> Span:
         """Tell how much is stored of a loop.
@@ -293,10 +290,10 @@ class SampleStore:
                 rows += file.rows
                 first, last = min(first, file.first_time), max(last, file.last_time)
                 continue
-            times = read_loop(self._folder, file, loop)["time"]
-            if times.size:
-                rows += times.size
-                first, last = min(first, int(times[0])), max(last, int(times[-1]))
+            times = read_loop(self._folder, file, loop, columns=())["time"].cast(pa.int64())
+            if len(times):
+                rows += len(times)
+                first, last = min(first, times[0].as_py()), max(last, times[-1].as_py())
         if not rows:
             raise NoSamples(loop)
         return Span(rows=rows, first=instant(first), last=instant(last))
@@ -317,7 +314,7 @@ class SampleStore:
     def _listed(
         self,
         *,
-        bucket: int,
+        bucket: int | None = None,
         first_day: date | None = None,
         last_day: date | None = None,
         loop: str | None = None,
@@ -328,12 +325,10 @@ class SampleStore:
                 bucket=bucket, first_day=first_day, last_day=last_day, loop=loop
             )
 
-    def _rows(self, loop: str, files: Sequence[SampleFile], since: int, until: int) -> Rows:
+    def _found(self, loop: str, files: Sequence[SampleFile], since: int, until: int) -> Samples:
         with ThreadPoolExecutor(READERS) as readers:
-            blocks = list(readers.map(lambda file: read_loop(self._folder, file, loop), files))
-        rows = sorted_once(np.concatenate([*blocks, np.empty(0, ROW)]))
-        first, last = np.searchsorted(rows["time"], (since, until))
-        return rows[first:last]
+            tables = list(readers.map(lambda file: read_loop(self._folder, file, loop), files))
+        return samples_in(tables).between(since, until)
 
 
 def _range(start: datetime | None, end: datetime | None) -> tuple[int, int]:

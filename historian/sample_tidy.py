@@ -5,13 +5,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import pyarrow as pa
 from deltalake.exceptions import CommitFailedError
 
 from historian.sample_change import discard
 from historian.sample_layout import SampleFile, regrouped, write_file
 from historian.sample_log import SampleLog
-from historian.sample_reading import in_order, read_file
+from historian.sample_reading import read_files
 
 ROWS_A_FILE = 1_000_000  # the most that is joined into one file, about 100 MB of memory
 MOST_TIMES_LARGER = 8  # so that a sample is written again a few times at most, however it comes
@@ -56,7 +55,7 @@ def tidy(folder: Path, log: SampleLog, *, keep_hours: int) -> Tidied:
     """
     joined = written = left = 0
     for heap in list(_heaps(log.files())):
-        table = in_order(pa.concat_tables(read_file(folder, file) for file in heap))
+        table = read_files(folder, heap)
         file = write_file(folder, heap[0].day, heap[0].bucket, regrouped([table]))
         try:
             log.commit([file], heap)
@@ -75,10 +74,11 @@ def tidy(folder: Path, log: SampleLog, *, keep_hours: int) -> Tidied:
 def _heaps(files: Sequence[SampleFile]) -> Iterator[list[SampleFile]]:
     """Choose files of one partition to join, each heap within `ROWS_A_FILE`."""
 
-    def partition(file: SampleFile) -> tuple[str, int, int]:
-        return file.day.isoformat(), file.bucket, file.rows
+    def place(file: SampleFile) -> tuple[str, int, int, str]:
+        # Of like size by loop, so that files hold ranges of loops and one loop is in few of them.
+        return file.day.isoformat(), file.bucket, file.rows.bit_length(), file.first_loop
 
-    for _, members in itertools.groupby(sorted(files, key=partition), lambda f: partition(f)[:2]):
+    for _, members in itertools.groupby(sorted(files, key=place), lambda file: place(file)[:2]):
         heap: list[SampleFile] = []
         rows = 0
         for file in members:

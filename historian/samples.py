@@ -55,18 +55,31 @@ class Samples:
             self._refuse_impossible_values()
 
     def _refuse_impossible_values(self) -> None:
-        first, last = np.min(self.time), np.max(self.time)  # both NaT as soon as one stamp is NaT
+        first, last = self.time.min(), self.time.max()  # both NaT as soon as one stamp is NaT
         if np.isnat(first):
             raise ValueError("every sample needs a time")
         if first < EARLIEST or last >= LATEST:
             outlier = first if first < EARLIEST else last
             raise ValueError(f"time {outlier} lies outside 1970 to 2199; check the time format")
         for name in ("pv", "sp", "op"):
-            if np.any(np.isinf(getattr(self, name))):
+            if np.isinf(getattr(self, name)).any():
                 raise ValueError(f"{name} must not hold infinite values; gaps are NaN")
 
     def __len__(self) -> int:
         return self.time.size
+
+    def between(self, since: int, until: int) -> Self:
+        """Keep those of ordered samples with since <= time < until, since 1970 in UTC. [us]"""
+        first, last = np.searchsorted(self.time.astype(np.int64), (since, until))
+        if last - first == len(self):
+            return self
+        return type(self)(
+            time=self.time[first:last],
+            pv=self.pv[first:last],
+            sp=self.sp[first:last],
+            op=self.op[first:last],
+            mode=self.mode[first:last],
+        )
 
     @classmethod
     def of(cls, record: Record) -> Self:

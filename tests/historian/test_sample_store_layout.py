@@ -16,10 +16,12 @@ from historian.sample_layout import (
     ROWS_A_GROUP,
     bucket_of,
     day_of,
+    loops_apart,
     tables_of,
     write_file,
 )
-from historian.sample_reading import read_loop
+from historian.sample_log import SampleLog
+from historian.sample_reading import read_loop, rows_in
 from historian.sample_rows import ROW, Rows
 from historian.sample_store import SampleStore
 from historian.samples import Samples
@@ -66,7 +68,7 @@ def test_files_lie_by_date_and_bucket_sorted_and_packed_as_measured(tmp_path: Pa
     store.write("FIC-211", day_long(n=86_400))
     (path,) = (tmp_path / "s").glob("date=2026-01-01/bucket=5/*.parquet")
     meta = pq.read_metadata(path)
-    assert [meta.row_group(i).num_rows for i in range(meta.num_row_groups)] == [72_000, 14_400]
+    assert [meta.row_group(i).num_rows for i in range(meta.num_row_groups)] == [14_400] * 6
     columns = {meta.row_group(0).column(i).path_in_schema: i for i in range(meta.num_columns)}
     assert list(columns) == FILE_SCHEMA.names
     time = meta.row_group(0).column(columns["time"])
@@ -87,6 +89,51 @@ def test_rows_become_full_row_groups_when_small_files_are_joined(tmp_path: Path)
     assert set(sizes[:-1]) == {ROWS_A_GROUP}
     table = pq.read_table(path, partitioning=None)
     assert table.column("loop").to_pylist()[::20_000] == sorted(loops)
+
+
+def test_rounded_values_get_a_dictionary_and_full_precision_none(tmp_path: Path) -> None:
+    exact = np.random.default_rng(1).standard_normal(20_000) * 1e-3 + 50
+    sizes = []
+    for n, pv in enumerate((np.round(exact, 4), exact)):
+        made = rows(exact.size)
+        made["pv"] = pv
+        file = write_file(tmp_path, date(1970, 1, 1), n, tables_of("L1", made))
+        first = pq.read_metadata(tmp_path / file.path).row_group(0).column(3)
+        assert ("RLE_DICTIONARY" in first.encodings) == (n == 0)
+        back = rows_in(read_loop(tmp_path, file, "L1"))
+        assert back["pv"].tobytes() == pv.tobytes()  # to the last bit
+        sizes.append(file.size)
+    assert sizes[0] < sizes[1] / 3
+
+
+def test_joined_files_hold_ranges_of_loops(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("historian.sample_tidy.ROWS_A_FILE", 300)
+    store = SampleStore(tmp_path / "s")
+    loops = [loop for n in range(60) if bucket_of(loop := f"L{n:02d}") == 0]
+    for n, loop in enumerate([*loops[1::2], *loops[::2]]):
+        store.write(loop, day_long(float(n), n=70 + 7 * (n % 5)))
+    while store.tidy().joined:
+        pass
+    files = SampleLog(tmp_path / "s").files()
+    assert len(files) == 3  # of eight loops, 640 rows
+    assert [len(heap) for heap in loops_apart(files)] == [1, 1, 1]
+
+
+def test_a_day_gives_each_loop_once_however_it_lies_in_files(tmp_path: Path) -> None:
+    store = SampleStore(tmp_path / "s")
+    loops = [loop for n in range(60) if bucket_of(loop := f"L{n:02d}") == 0]
+    for loop in loops:
+        store.write(loop, day_long(n=10))
+    store.tidy()
+    later = day_long(2.0, n=30)
+    store.write(loops[3], later)  # ten instants change, twenty go into a file of their own
+    day = list(store.read_day(date(2026, 1, 1)))
+    assert sorted(loop for loop, _ in day) == loops
+    for loop, found in day:
+        assert len(found) == (30 if loop == loops[3] else 10)
+        assert np.array_equal(found.pv, store.read(loop).pv)
+        found.pv[:] = 0  # anybody's own
+    assert store.read(loops[3]).pv.tolist() == [2.0] * 30
 
 
 def test_any_delta_reader_sees_the_same_samples(tmp_path: Path) -> None:
@@ -123,8 +170,8 @@ def test_row_groups_without_statistics_are_searched(tmp_path: Path) -> None:
     file = write_file(tmp_path, date(1970, 1, 1), 0, tables_of("L1", rows(5)))
     bare = pq.read_table(tmp_path / file.path, partitioning=None)
     pq.write_table(bare, tmp_path / file.path, write_statistics=False)
-    assert read_loop(tmp_path, file, "L1").size == 5
-    assert read_loop(tmp_path, file, "L2").size == 0
+    assert read_loop(tmp_path, file, "L1").num_rows == 5
+    assert read_loop(tmp_path, file, "L2").num_rows == 0
 
 
 def test_a_file_needs_rows(tmp_path: Path) -> None:
