@@ -12,7 +12,7 @@ from identification.prediction_error import PredictionErrorFit, prediction_error
 from identification.verdict import Verdict
 from loop.batch import ProcessBatch
 from loop.errors import LoopError
-from loop.process import FOPDT, IPDT, LARGEST, SMALLEST, SOPDT, Process
+from loop.process import FOPDT, IPDT, LARGEST, SMALLEST, SOPDT, Process, PureDelay
 from loop.record import Record
 from loop.signals import Real
 from tuning.answer import Tunings
@@ -62,7 +62,7 @@ def rivals(record: Record, model: Identification) -> Rivals | None:
         None where nothing is known of the model's errors.
     """
     process = model.process
-    if not isinstance(process, FOPDT | SOPDT | IPDT):
+    if not isinstance(process, FOPDT | SOPDT | IPDT | PureDelay):
         return None
     late = _late(record, model)
     rows = _draws(model, process)
@@ -122,7 +122,7 @@ def for_all_readings(
     return replace(held, recommendation=replace(held.recommendation, reason=said))
 
 
-def _draws(model: Identification, process: FOPDT | SOPDT | IPDT) -> Real:
+def _draws(model: Identification, process: FOPDT | SOPDT | IPDT | PureDelay) -> Real:
     """Rows K, tau1, tau2, theta, integrators: the model first, then draws where errors are known.
 
     What the errors of a simplified structure are is not known; the model then stands alone.
@@ -192,7 +192,7 @@ def _whitened(record: Record) -> PredictionErrorFit | None:
     return prediction_error_fit(stretches, even.dt, slowest=longest, latest=longest / 3)
 
 
-def _disagrees(process: FOPDT | SOPDT | IPDT, other: PredictionErrorFit) -> bool:
+def _disagrees(process: FOPDT | SOPDT | IPDT | PureDelay, other: PredictionErrorFit) -> bool:
     """Whether the other fit, where it is sure of itself, calls for other settings."""
     errors = other.standard_errors
     if not (errors[0] < abs(other.K) / 2 and errors[1] < other.tau / 2):
@@ -200,7 +200,10 @@ def _disagrees(process: FOPDT | SOPDT | IPDT, other: PredictionErrorFit) -> bool
     if isinstance(process, IPDT):
         slope, theirs = process.K, other.K / other.tau
         return abs(theirs / slope - 1) > 2 * MATTERS
-    lag = process.tau if isinstance(process, FOPDT) else process.tau1 + process.tau2
+    lags: tuple[float, ...] = (process.tau,) if isinstance(process, FOPDT) else ()
+    if isinstance(process, SOPDT):
+        lags = (process.tau1, process.tau2)
+    lag = sum(lags)
     off = np.array(
         [other.K - process.K, other.tau + other.theta - lag - process.theta,
          other.theta - process.theta]

@@ -36,8 +36,8 @@ from tuning.proposals import tune_from_ultimate
 from tuning.ultimate import UltimatePoint
 from tuning.verification import Verification, verify
 
-TunedProcess = FOPDT | SOPDT | IPDT | DoubleIntegrator
-StatedProcess = TunedProcess | PureDelay | TransferFunction
+TunedProcess = FOPDT | SOPDT | IPDT | DoubleIntegrator | PureDelay
+StatedProcess = TunedProcess | TransferFunction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

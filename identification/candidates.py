@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.condense import Samples
+from identification.delay_fit import fit_delay, may_lack_lag
 from identification.disturbances import Explanation, weighted_residual
 from identification.least_squares import LeastSquaresFit
 from identification.plausibility import answer_swing
@@ -24,6 +25,7 @@ from identification.structures import (
     INTEGRATOR,
     INTEGRATOR_WITH_LAG,
     LEAD,
+    PURE_DELAY,
     TWO_LAGS,
     UNDERDAMPED,
     Structure,
@@ -45,6 +47,8 @@ THERE = 2.0
 # its criterion may be. A ramp must last five dead times to be one,
 # about what a loop tuned for that dead time looks ahead.
 SETTLING, AS_GOOD, RAMP = 0.5, 2.0, 5.0
+# A residual that is this much more coloured than another is not the same.
+COLOUR = 1.2
 # A residual below this part of PV's range is arithmetic.
 ROUNDING = 1e-7
 
@@ -147,7 +151,8 @@ def choose(
     """Fit the structures that the record can call for and take the simplest that does.
 
     Two lags are always fitted beside one. Swings and leads follow where one lag misses PV by more
-    than a fiftieth of the answer; integrators where the record ends before half of the final change
+    than a fiftieth of the answer, a gain with dead time where the lag is too short to be seen;
+    integrators where the record ends before half of the final change
     or nothing else fits.
 
     Parameters
@@ -181,8 +186,23 @@ def choose(
     rows += [
         _Row.of(fit_structure(s, samples, first_order, thorough=thorough), samples) for s in wanted
     ]
+    rows += _delay_alone(rows[:2], samples, first_order, spacing)
     candidates = _candidates(rows, samples, first_order, spacing)
     return _chosen(candidates, seen=seen, longest=max(holds))
+
+
+def _delay_alone(
+    lagged: list["_Row"], samples: Samples, fit: LeastSquaresFit, spacing: float
+) -> list["_Row"]:
+    """A gain with dead time, where the better of the fits with one and two lags hardly has any."""
+    best = min(lagged, key=lambda row: row.squares)
+    lags = slice(1, best.values.size - 1)
+    lag, theta = float(best.values[lags].sum()), float(best.values[-1])
+    error = float(best.covariance[lags, lags].sum()) ** 0.5
+    if not may_lack_lag(lag, error, theta, spacing):
+        return []
+    alone = fit_delay(samples, fit, lag=lag, theta=theta)
+    return [] if alone is None else [_Row.of(alone, samples)]
 
 
 def _swing(fit: LeastSquaresFit | StructureFit, t: Real) -> float:
@@ -205,6 +225,11 @@ class _Row:
     free: int
     residual: Real
     colour: Colour
+
+    @property
+    def squares(self) -> float:
+        """Sum of squares, of a jump as it is: a last step to no lag errs there. [PV^2]"""
+        return max(float(self.fit.sse), float(self.residual @ self.residual))
 
     @classmethod
     def of_first_order(cls, explanation: Explanation, samples: Samples) -> "_Row":
@@ -256,7 +281,7 @@ def _candidates(
     floor = readings * (ROUNDING * float(np.ptp(samples.pv))) ** 2
 
     def criterion(row: _Row) -> float:
-        sse = max(float(row.fit.sse), floor)
+        sse = max(row.squares, floor)
         return independent * math.log(sse / readings) + row.free * math.log(independent)
 
     reference = criterion(rows[0])
@@ -285,7 +310,11 @@ def _candidates(
 
 def _chosen(candidates: list[Candidate], *, seen: float, longest: float) -> Choice:
     first = candidates[0]
-    chosen, why = _integrating(candidates, seen=seen, longest=longest) or (first, "")
+    chosen, why = (
+        _integrating(candidates, seen=seen, longest=longest)
+        or _without_lag(candidates)
+        or (first, "")
+    )
     if chosen is first and first.part > MATERIAL:
         chosen = _second_order(candidates)
     ordered = tuple(sorted(candidates, key=lambda c: c.bic))
@@ -316,6 +345,22 @@ def _integrating(
     return chosen, (
         f"PV shows no settling, and the {chosen.structure.name} explains it "
         f"{_than(chosen.bic, 'one lag with dead time')}"
+    )
+
+
+def _without_lag(candidates: list[Candidate]) -> tuple[Candidate, str] | None:
+    """A gain with dead time where a lag explains nothing more, by any of three figures."""
+    alone = next((c for c in candidates if c.structure is PURE_DELAY), None)
+    if alone is None or not alone.determined:
+        return None
+    best = min((c for c in candidates if c is not alone), key=lambda c: c.bic)
+    limit = max(best.part, MATERIAL)
+    white = alone.colour.inflation < COLOUR * best.colour.inflation
+    if alone.bic > best.bic or alone.part > limit or not white:
+        return None
+    return alone, (
+        f"gain and dead time are taken: {best.structure.name} with dead time would fit "
+        f"{_than(best.bic - alone.bic, 'they do')}, and the residual is no whiter"
     )
 
 

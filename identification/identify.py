@@ -57,7 +57,7 @@ class Identification:
     ----------
     kind : str
         Type of the model to use, as the name of its class.
-    process : FOPDT, SOPDT, IPDT, DoubleIntegrator or None
+    process : FOPDT, SOPDT, IPDT, DoubleIntegrator, PureDelay or None
         Model to use; none where it is refused. Where the record speaks for a structure that no
         tuning rule takes, it is that structure's simplification.
     verdict : Verdict
@@ -78,7 +78,7 @@ class Identification:
         Moves of the output, each with what PV says about it alone.
     gains : StepGains or None
         Gain of each step; none with a single step or very many.
-    fitted : FOPDT, SOPDT, IPDT, DoubleIntegrator or None
+    fitted : FOPDT, SOPDT, IPDT, DoubleIntegrator, PureDelay or None
         What least squares gave, also where it is refused and must not be used.
     choice : Choice or None
         Structure that the record speaks for, the others that were fitted, and why this one.

@@ -205,7 +205,8 @@ def require_unsaturated(fit: LeastSquaresFit, samples: Samples, steps: tuple[Ste
         if _longest_run(at_limit) < FEWEST_AT_LIMIT:
             continue
         rest = ~at_limit
-        if np.count_nonzero(rest & after) < FEWEST_FREE:
+        # Where nothing else moves, as after a jump without noise, nothing tells either.
+        if np.count_nonzero(rest & after) < FEWEST_FREE or np.ptp(samples.pv[rest]) == 0:
             continue
         free = _refit(fit, samples, rest)
         beyond = float(np.max(sign * (free.predict(samples.t[at_limit]) - limit)))

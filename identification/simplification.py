@@ -12,15 +12,18 @@ from identification.candidates import Candidate
 from identification.structures import (
     INTEGRATOR_WITH_LAG,
     LEAD,
+    PURE_DELAY,
     UNDERDAMPED,
 )
 from loop.half_rule import half_rule
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, PureDelay
 
-SimpleProcess: TypeAlias = FOPDT | SOPDT | IPDT | DoubleIntegrator
+SimpleProcess: TypeAlias = FOPDT | SOPDT | IPDT | DoubleIntegrator | PureDelay
 # From here on a swing raises no frequency by more than 4 %, 1/(2 zeta sqrt(1 - zeta^2)), and two
 # lags stand in for it.
 DAMPED = 0.6
+# A lag that no sample shows, where a formula wants one.
+NO_LAG = 1e-3
 
 
 def simplified(chosen: Candidate) -> tuple[SimpleProcess | None, str]:
@@ -38,7 +41,7 @@ def simplified(chosen: Candidate) -> tuple[SimpleProcess | None, str]:
 
     Returns
     -------
-    process : FOPDT, SOPDT, IPDT, DoubleIntegrator or None
+    process : FOPDT, SOPDT, IPDT, DoubleIntegrator, PureDelay or None
         None where a parameter is outside what a process may have, or it swings by itself.
     remark : str
         What was simplified, or why there is no process; empty where the structure is itself simple.
@@ -80,7 +83,7 @@ def _simple(chosen: Candidate, values: dict[str, float]) -> tuple[SimpleProcess,
         text = f"the lead of {values['lead']:.3g} s is cancelled against a lag in the model"
         assert isinstance(process, FOPDT)  # noqa: S101 - of two lags one is left
         return process, text
-    assert isinstance(process, FOPDT | SOPDT | IPDT | DoubleIntegrator)  # noqa: S101 - all others are above
+    assert isinstance(process, SimpleProcess)  # noqa: S101 - all others are above
     return process, ""
 
 
@@ -90,11 +93,13 @@ def first_order_equivalent(chosen: Candidate) -> tuple[float, float]:
     Parameters
     ----------
     chosen : Candidate
-        A structure that settles, of second order.
+        A structure that settles, not of first order.
     """
     values = dict(zip(chosen.structure.names, chosen.values.tolist(), strict=True))
     theta = values["theta"]
     if chosen.structure is UNDERDAMPED:  # the swing dies out with its envelope
         return values["T"] / values["zeta"], theta
+    if chosen.structure is PURE_DELAY:
+        return NO_LAG * theta, theta
     half = values["tau2"] / 2
     return values["tau1"] + half, theta + half + max(-values.get("lead", 0.0), 0.0)

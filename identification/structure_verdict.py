@@ -12,6 +12,7 @@ from identification.experiment import Experiment
 from identification.least_squares import LeastSquaresFit
 from identification.plausibility import FOUND
 from identification.simplification import first_order_equivalent
+from identification.structures import PURE_DELAY
 from identification.timing import judge_timing
 from identification.verdict import (
     FAR_OFF,
@@ -67,7 +68,8 @@ def judge_structure(
     tau, late = first_order_equivalent(chosen)
     like = replace(fit, tau=tau, theta=late)
     findings.append(_length(like, hold))
-    return findings + judge_timing(like, experiment)
+    lagged = chosen.structure is not PURE_DELAY
+    return findings + judge_timing(like, experiment, lagged=lagged)
 
 
 def _answer(chosen: Candidate) -> list[Finding]:

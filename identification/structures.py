@@ -17,7 +17,7 @@ from identification.held_answers import (
     second_order_answer,
 )
 from identification.held_input import HeldInput, lag_response
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process, TransferFunction
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, Process, PureDelay, TransferFunction
 from loop.signals import Real
 
 Shape: TypeAlias = tuple[float, ...]
@@ -68,6 +68,12 @@ class Structure:
     answer: Answer
     parameters: Parameters
     process: Callable[..., Process]
+
+
+def _delayed(held: HeldInput, t: Real, shape: Shape) -> tuple[Real, ...]:
+    (theta,) = shape
+    passed = (held.instants + theta).searchsorted(t, side="right")
+    return ((held.levels - held.levels[0])[passed],)
 
 
 def _lag(held: HeldInput, t: Real, shape: Shape) -> tuple[Real, ...]:
@@ -137,6 +143,16 @@ FIRST_ORDER = Structure(
     parameters=_plain,
     process=lambda K, tau, theta: FOPDT(K=K, tau=tau, theta=theta),
 )
+PURE_DELAY = Structure(
+    name="gain with dead time",
+    names=("K", "theta"),
+    units=("PV/OP", "s"),
+    formula="K e^(-theta s)",
+    shape=("theta",),
+    answer=_delayed,
+    parameters=_plain,
+    process=lambda K, theta: PureDelay(K=K, theta=theta),
+)
 TWO_LAGS = Structure(
     name="two lags",
     names=("K", "tau1", "tau2", "theta"),
@@ -203,6 +219,7 @@ DOUBLE_INTEGRATOR = Structure(
 )
 STRUCTURES = (
     FIRST_ORDER,
+    PURE_DELAY,
     TWO_LAGS,
     LEAD,
     UNDERDAMPED,
@@ -238,7 +255,7 @@ def design(
     columns = [*structure.answer(held, t, shape), np.ones_like(t)]
     if drift or structure.integrates:
         columns.append(since)
-    if start and not structure.integrates:
+    if start and structure.shape[0] == "lag" and not structure.integrates:
         # What is left of an earlier answer dies out with the slowest lag.
         lag = shape[0] if len(shape) == 2 else _lags(shape[0], min(shape[1], EQUAL_LAGS))[0]
         columns.append(np.exp(-since / lag))

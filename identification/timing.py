@@ -18,7 +18,9 @@ LATE, TOO_LATE = 0.2, 0.5
 MUCH_LONGER = 3.0
 
 
-def judge_timing(fit: LeastSquaresFit, experiment: Experiment) -> list[Finding]:
+def judge_timing(
+    fit: LeastSquaresFit, experiment: Experiment, *, lagged: bool = True
+) -> list[Finding]:
     """Compare spacing and holes of the samples with the model.
 
     Parameters
@@ -27,9 +29,11 @@ def judge_timing(fit: LeastSquaresFit, experiment: Experiment) -> list[Finding]:
         Fit.
     experiment : Experiment
         Samples and moves.
+    lagged : bool
+        Whether the model has a lag; without one a hole over the jump is in the error of theta.
     """
     findings = []
-    if fit.tau < COARSE * experiment.spacing:
+    if lagged and fit.tau < COARSE * experiment.spacing:
         findings.append(
             Finding(
                 verdict=Verdict.CARE,
@@ -40,7 +44,8 @@ def judge_timing(fit: LeastSquaresFit, experiment: Experiment) -> list[Finding]:
     gaps = np.diff(experiment.t)
     for step in experiment.steps:
         findings += _move_in_hole(fit, experiment, step)
-        findings += _hole_in_answer(fit, experiment, step, gaps)
+        if lagged:
+            findings += _hole_in_answer(fit, experiment, step, gaps)
     return findings
 
 

@@ -18,7 +18,7 @@ from identification.structure_fit import fit_structure
 from identification.structure_verdict import judge_structure
 from identification.structures import FIRST_ORDER, STRUCTURES
 from identification.verdict import Verdict
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, TransferFunction
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, PureDelay, TransferFunction
 from loop.record import Record
 
 T = np.arange(0.0, 600.0, 2.0)
@@ -82,6 +82,7 @@ CASES = [
     pytest.param(
         (2,), (400, 20, 1), "step", 0.1, "underdamped second order", [2, 20, 0.5, THETA], id="swing"
     ),
+    pytest.param((2,), (1,), "doublet", 0.1, "gain with dead time", [2, 11], id="delay"),
     pytest.param((0.01,), (1, 0), "pulse", 0.05, "integrator", [0.01, THETA], id="integrator"),
     pytest.param(
         (0.01,), (30, 1, 0), "pulse", 0.05, "integrator with lag", [0.01, 30, THETA], id="lagged"
@@ -129,6 +130,9 @@ def test_tuning_gets_a_process_that_its_rules_take(
             assert found.verdict is Verdict.TRUSTED
         case "integrator":
             assert found.process == IPDT(K=values[0], theta=values[1])
+            assert found.verdict is Verdict.TRUSTED
+        case "gain with dead time":
+            assert found.process == PureDelay(K=values[0], theta=values[1])
             assert found.verdict is Verdict.TRUSTED
         case "double integrator":
             assert found.process == DoubleIntegrator(K=values[0], theta=values[1])
@@ -275,3 +279,18 @@ def test_every_structure_names_each_parameter_with_its_unit() -> None:
         assert structure.names[-1] == "theta"
         assert len(structure.units) == len(structure.names)
         assert all(name in structure.formula for name in structure.names)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_readings_between_a_move_and_a_jump_are_no_spikes(seed: int) -> None:
+    """They once were: without them the dead time came out as nothing, and the advice unstable."""
+    theta = 2.07 + seed
+    t = np.arange(0.0, 300.0)
+    op = np.where((t < 60) | (t > 180), 40.0, 45.0)
+    pv = 50 + 2 * np.where((t - 60 >= theta) & (t - 181 < theta), 5.0, 0.0)
+    noisy = pv + np.random.default_rng(seed).normal(0, 0.3, t.size)
+    found = identify(Record(t=t, pv=noisy, op=op))
+    assert found.spikes == 0
+    assert isinstance(found.process, PureDelay)
+    assert found.intervals is not None
+    assert found.intervals[1, 0] <= theta <= found.intervals[1, 1]
