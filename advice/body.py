@@ -52,7 +52,15 @@ def process_parameters(process: Process) -> Body:
 
 def margins_body(margins: Margins) -> Body:
     """The six margins of one loop."""
-    return {name: number(value) for name, value in asdict(margins).items()}
+    # By name: `asdict` copies deeply, and an answer holds more than fifty of them.
+    return {
+        "gain": number(margins.gain),
+        "gain_reduction": number(margins.gain_reduction),
+        "phase": number(margins.phase),
+        "delay": number(margins.delay),
+        "Ms": number(margins.Ms),
+        "Mt": number(margins.Mt),
+    }
 
 
 def profile_body(profile: Profile) -> Body:

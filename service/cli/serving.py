@@ -35,10 +35,12 @@ def listening(settings: Settings) -> socket.socket:
         Another program listens there, or it is no address of this machine.
     """
     try:
-        family, kind, _, _, address = socket.getaddrinfo(
+        family, kind, protocol, _, address = socket.getaddrinfo(
             settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
-        taken = socket.socket(family, kind)
+        # With the protocol named asyncio sends at once; else the end of an answer may wait 40 ms
+        # for the other side to confirm what came before.
+        taken = socket.socket(family, kind, protocol)
     except OSError as error:
         raise AddressTaken(settings, error.strerror or str(error)) from error
     try:

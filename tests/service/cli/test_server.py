@@ -1,5 +1,6 @@
 """Commands on an installation: its database, its keys, the address of the service."""
 
+import asyncio
 import re
 import socket
 from collections.abc import Callable
@@ -10,9 +11,11 @@ from sqlalchemy import URL
 
 from service.actors import Actor, Role
 from service.cli import run
+from service.cli.serving import listening
 from service.database import Database
 from service.keys.actions import actor_with_token
 from service.migration import newest_revision
+from service.settings import Settings
 
 Said = Callable[[], tuple[str, str]]
 
@@ -182,3 +185,24 @@ def test_a_file_that_is_no_database_is_said(tmp_path: Path, sentence: Callable[[
     (tmp_path / "loopwright.sqlite").write_text("This is a letter, not a database. " * 40)
     assert run(["key", "list", "--data", str(tmp_path)]) == 1
     assert "file is not a database" in sentence()
+
+
+def test_an_answer_does_not_wait_for_the_other_side_to_confirm_its_beginning() -> None:
+    async def delays_nothing() -> bool:
+        accepted: asyncio.Future[asyncio.BaseTransport] = asyncio.Future()
+
+        class Taker(asyncio.Protocol):
+            def connection_made(self, transport: asyncio.BaseTransport) -> None:
+                accepted.set_result(transport)
+
+        with listening(Settings(port=0)) as taken:
+            server = await asyncio.get_running_loop().create_server(Taker, sock=taken)
+            with socket.create_connection(taken.getsockname()):
+                transport = await accepted
+                own = transport.get_extra_info("socket")
+                no_delay = own.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+                transport.close()
+            server.close()
+        return bool(no_delay)
+
+    assert asyncio.run(delays_nothing())
