@@ -40,6 +40,7 @@ from tuning.performance_limits import (
     performance_limits,
 )
 from tuning.profiles import DEFAULT_PROFILE, Profile, profile_named
+from tuning.shortfall import missed_margins
 
 Part = TypeVar("Part")
 
@@ -202,7 +203,7 @@ def analyse(
         profile=limits,
         unstable=stability.unstable,
         margins=known,
-        passes=known is not None and _keeps(known, limits),
+        passes=known is not None and not missed_margins(known, limits, held.theta),
         bandwidths=bandwidths(whole, controller),
         curves=frequency_curves(held, controller, compensators=compensators, points=points),
         stability=stability,
@@ -243,10 +244,6 @@ def analyse(
         else _disturbances(held, controller, tuple(compensators), wanted),
         notes=tuple(notes),
     )
-
-
-def _keeps(found: Margins, profile: Profile) -> bool:
-    return found.gain >= profile.gain and found.phase >= profile.phase and found.Ms <= profile.Ms
 
 
 def _window(process: Process, task: Task) -> CrossoverWindow | None:

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from loop.controller import PID
+from loop.margins import Margins
 from tuning.answer import Tuning
 from tuning.catalogue import RULES
 from tuning.proposals import Proposal
@@ -51,6 +52,19 @@ def settings_of(pid: PID, gain_unit: str) -> tuple[str, ...]:
     if pid.tauF:
         shown.append(f"tauF = {digits(pid.tauF)} s")
     return tuple(shown)
+
+
+def settings_words(pid: PID) -> str:
+    """The settings in one line, without the unit of the gain."""
+    return ", ".join(part.strip() for part in settings_of(pid, ""))
+
+
+def margins_words(found: Margins) -> str:
+    """The margins of one loop in one line."""
+    return (
+        f"gain margin {decibels(found.gain)} dB, phase margin {digits(found.phase, 3)}°, delay "
+        f"margin {digits(found.delay, 3)} s, Ms {digits(found.Ms, 3)}, Mt {digits(found.Mt, 3)}"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

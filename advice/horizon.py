@@ -22,8 +22,12 @@ def horizon(process: Process, controllers: Sequence[PID]) -> tuple[float, float]
     slow, fast = 0.0, math.inf
     for pid in controllers:
         stiffness = abs(gain_sign(process)) * pid.Kc * abs(_slope_or_gain(process))
-        # An integral loop settles with Ti/(K Kc); a lag in front adds its own time.
-        tail = pid.Ti / stiffness if pid.Ti < math.inf else 0.0
+        # An integral loop settles with Ti/(K Kc); a lag in front adds its own time. One around an
+        # integrator settles with its slower root of s^2 + K Kc s + K Kc/Ti.
+        if _integrating(process):
+            tail = 2 * max(_finite(pid.Ti), 2 / stiffness)
+        else:
+            tail = pid.Ti / stiffness if pid.Ti < math.inf else 0.0
         lags = -process.denominator[-2] / process.denominator[-1] if _lagging(process) else 0.0
         slow = max(slow, 6 * tail, 4 * abs(lags), 12 * process.theta, 2 * _finite(pid.Ti))
         fast = min(fast, max(pid.filter_time, process.theta / 8))
@@ -34,6 +38,12 @@ def horizon(process: Process, controllers: Sequence[PID]) -> tuple[float, float]
 
 def _finite(Ti: float) -> float:
     return Ti if Ti < math.inf else 0.0
+
+
+def _integrating(process: Process) -> bool:
+    """Whether there is one integrator."""
+    below = process.denominator
+    return len(below) > 1 and below[-1] == 0 and below[-2] != 0
 
 
 def _lagging(process: Process) -> bool:

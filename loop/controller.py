@@ -118,9 +118,12 @@ class PID:
     @property
     def denominator(self) -> Polynomial:
         """Coefficients from pv to op, highest power first; the lag tauF included."""
-        integral: Polynomial = (1.0,) if self.Ti == math.inf else (self.Ti, 0.0)
-        filters = np.polymul((self.filter_time, 1.0), (self.tauF, 1.0))
-        return tuple(float(a) for a in np.trim_zeros(np.polymul(integral, filters), "f"))
+        Tf, tauF = self.filter_time, self.tauF
+        below: Polynomial = (Tf * tauF, Tf + tauF, 1.0)
+        if self.Ti < math.inf:
+            below = (*(self.Ti * a for a in below), 0.0)
+        first = next(i for i, a in enumerate(below) if a)
+        return below[first:]
 
 
 def controller_response(controller: PID, s: Complex) -> Complex:

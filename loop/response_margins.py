@@ -11,8 +11,8 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq, minimize_scalar
 
+from loop.bracket_solver import solve_brackets
 from loop.errors import UnstableLoop
 from loop.margins import Margins
 from loop.nyquist import encirclements
@@ -22,6 +22,8 @@ Loop: TypeAlias = Callable[[Complex], Complex]
 Places: TypeAlias = npt.NDArray[np.intp]
 # Crossings refined on either side: grid and curve may disagree on which one is nearest.
 CANDIDATES = 3
+# Each look divides a peak's stretch by 16: four of them, and the value stands to 1e-9.
+CLOSER, INSIDE = 4, 33
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,27 +68,22 @@ def response_margins(loop: ResponseLoop) -> Margins:
         raise UnstableLoop(unstable)
     w = loop.w
     L = loop.L(1j * w)
-    wc = _roots(lambda v: math.log(abs(_at(loop, v))), w, _changes(np.log(np.abs(L))))
-    w180 = _roots(lambda v: _at(loop, v).imag, w, _nearest_crossings(L))
-    inverse = np.array([1 / abs(_at(loop, v)) for v in w180])
-    turns = np.array([math.pi + math.atan2(_at(loop, v).imag, _at(loop, v).real) for v in wc])
-    turns = np.mod(turns, 2 * math.pi)
+    wc = _roots(lambda v: np.log(np.abs(loop.L(1j * v))), w, _changes(np.log(np.abs(L))))
+    w180 = _roots(lambda v: loop.L(1j * v).imag, w, _nearest_crossings(L))
+    inverse = 1 / np.abs(loop.L(1j * w180))
+    turns = np.mod(math.pi + np.angle(loop.L(1j * wc)), 2 * math.pi)
     return Margins(
         gain=float(np.min(inverse[inverse > 1], initial=math.inf)),
         gain_reduction=float(np.max(inverse[inverse < 1], initial=0.0)),
         phase=math.degrees(np.min(np.minimum(turns, 2 * math.pi - turns), initial=math.inf)),
-        delay=float(np.min(turns / np.array(wc), initial=math.inf)) if wc else math.inf,
+        delay=float(np.min(turns / wc, initial=math.inf)),
         # S is 1 at high frequency, and T is 1 at rest where the loop integrates.
-        Ms=max(1.0, _peak(lambda v: abs(1 / (1 + _at(loop, v))), w, np.abs(1 / (1 + L)))),
+        Ms=max(1.0, _peak(lambda v: np.abs(1 / (1 + loop.L(1j * v))), w)),
         Mt=max(
             float(0.0 in loop.axis_poles),
-            _peak(lambda v: abs(1 - 1 / (1 + _at(loop, v))), w, np.abs(L / (1 + L))),
+            _peak(lambda v: np.abs(1 - 1 / (1 + loop.L(1j * v))), w),
         ),
     )
-
-
-def _at(loop: ResponseLoop, w: float) -> complex:
-    return complex(loop.L(np.array([1j * w]))[0])
 
 
 def _changes(values: Real) -> Places:
@@ -107,20 +104,20 @@ def _nearest_crossings(L: Complex) -> Places:
     )
 
 
-def _roots(f: Callable[[float], float], w: Real, at: Places) -> list[float]:
-    return [float(brentq(f, w[i], w[i + 1], xtol=1e-14 * w[i + 1])) for i in at]
+def _roots(f: Callable[[Real], Real], w: Real, at: Places) -> Real:
+    return solve_brackets(f, w[at], w[at + 1]) if at.size else np.array([])
 
 
-def _peak(f: Callable[[float], float], w: Real, values: Real) -> float:
-    """Largest value, refined between the neighbours of the largest on the grid."""
-    i = int(np.argmax(values))
-    if i in (0, w.size - 1):
-        return float(values[i])
-    found = minimize_scalar(
-        lambda v: -f(v), bounds=(float(w[i - 1]), float(w[i + 1])), method="bounded",
-        options={"xatol": 1e-10 * float(w[i])},
-    )  # fmt: skip
-    return max(float(values[i]), -float(found.fun))
+def _peak(f: Callable[[Real], Real], w: Real) -> float:
+    """Largest value, looked for ever closer around the largest on the grid."""
+    values = f(w)
+    for _ in range(CLOSER):
+        i = int(np.argmax(values))
+        if i in (0, w.size - 1):
+            break
+        w = np.linspace(w[i - 1], w[i + 1], INSIDE)
+        values = f(w)
+    return float(np.max(values))
 
 
 def following_grid(corners: Sequence[float], top: float, dead_time: float) -> Real:

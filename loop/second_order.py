@@ -182,6 +182,7 @@ class PoleRegion:
 def pole_region(
     *,
     overshoot: float = 0.3,
+    phase: float | None = None,
     settling: float | None = None,
     rise: float | None = None,
     band: float = SETTLED,
@@ -192,6 +193,8 @@ def pole_region(
     ----------
     overshoot : float
         Largest overshoot over the step. [-]
+    phase : float, optional
+        Smallest phase margin of the loop behind it. [°]
     settling : float, optional
         Longest time to settle. [s]
     rise : float, optional
@@ -205,10 +208,14 @@ def pole_region(
         A number lies outside what a step response can do.
     """
     least = max(damping_for_overshoot(overshoot), SMALLEST_DAMPING)
+    if phase is not None:
+        least = max(least, damping_for_phase_margin(phase))
     for name, value in (("settling", settling), ("rise", rise)):
         if value is not None and not (value > 0 and math.isfinite(value)):
             raise ValueError(f"the {name} time must be positive, got {value}")
-    zeta = np.unique(np.concatenate([np.linspace(least, 1.5, 107), [least, 1.0]]))
+    zeta = np.unique(
+        np.concatenate([np.linspace(least, max(1.5, 1.5 * least), 107), [max(least, 1.0)]])
+    )
     wn = np.zeros(zeta.size)
     for i, z in enumerate(zeta):
         if settling is not None:

@@ -22,9 +22,17 @@ ASKING = frozenset(
         "/v1/analysis",
         "/v1/analysis/batch",
         "/v1/analysis/export",
+        "/v1/analysis/interactions",
+        "/v1/analysis/pole-regions",
+        "/v1/cascades",
+        "/v1/conditioning",
+        "/v1/feed-forwards",
         "/v1/plans",
+        "/v1/schedules",
         "/v1/plantwide",
         "/v1/simulations",
+        "/v1/smith-predictors",
+        "/v1/smooth-tunings",
     }
 )
 

@@ -12,6 +12,9 @@ from starlette.routing import compile_path
 from service.analysis.routes import router as analysis
 from service.assessments.routes import router as assessments
 from service.audit.routes import router as audit
+from service.cascades.routes import router as cascades
+from service.conditioning.routes import router as conditioning
+from service.feed_forwards.routes import router as feed_forwards
 from service.frequencies.routes import router as frequencies
 from service.health import router as operation
 from service.jobs.routes import router as jobs
@@ -22,12 +25,16 @@ from service.plans.routes import router as plans
 from service.plantwide.routes import router as plantwide
 from service.records.routes import router as records
 from service.records.routes import samples_router as samples
+from service.schedules.routes import router as schedules
 from service.sheets.routes import router as sheets
 from service.simulations.routes import router as simulations
+from service.smith_predictors.routes import router as smith_predictors
+from service.smooth_tunings.routes import router as smooth_tunings
 from service.tunings.routes import router as tunings
 
 ROUTERS: tuple[APIRouter, ...] = (
-    loops, samples, models, frequencies, tunings, analysis, simulations, plans, sheets, assessments,
+    loops, samples, models, frequencies, tunings, smooth_tunings, analysis, conditioning,
+    smith_predictors, cascades, feed_forwards, schedules, simulations, plans, sheets, assessments,
     plantwide, jobs, keys, audit, operation
 )  # fmt: skip
 UPLOADS: tuple[APIRouter, ...] = (records,)

@@ -141,7 +141,7 @@ class PVFilter:
     time : float
         Time constant, 0 for no filter. [s]
     enough : bool
-        Whether the travel asked for is reached.
+        Whether the travel asked for is reached, if any was.
     phase_cost : float
         Phase that it takes at the gain crossover, atan(wc time). [deg]
     before, after : OutputMovement
@@ -165,7 +165,7 @@ def choose_pv_filter(
     *,
     scan_time: float,
     noise: float,
-    travel: float,
+    travel: float | None = None,
     phase_cost: float = PHASE_COST,
 ) -> PVFilter:
     """Find the fastest filter on PV that keeps the output's travel from noise within a limit.
@@ -183,8 +183,9 @@ def choose_pv_filter(
         Scan time. [s]
     noise : float
         Standard deviation of the measured white noise. [PV]
-    travel : float
-        Sum of the output's moves in a day that noise may cause. [OP/day]
+    travel : float, optional
+        Sum of the output's moves in a day that noise may cause; if not given, the filter that
+        costs the allowed phase is the answer. [OP/day]
     phase_cost : float
         Phase at the gain crossover that the filter may cost. [deg]
 
@@ -195,7 +196,7 @@ def choose_pv_filter(
     ValueError
         A number is impossible, or the gain of the loop is nowhere 1.
     """
-    if not travel > 0:
+    if travel is not None and not travel > 0:
         raise ValueError(f"travel must be positive, got {travel}")
     if not 0 < phase_cost < 90:
         raise ValueError(f"phase_cost must lie between 0 and 90 deg, got {phase_cost}")
@@ -206,13 +207,17 @@ def choose_pv_filter(
         return output_movement(process, pid, scan_time=scan_time, noise=noise, pv_filter=time)
 
     before = moved(0.0)
-    time, after = (0.0, before) if before.travel <= travel else (slowest, moved(slowest))
-    if time and after.travel < travel:
-        time = _fastest(lambda candidate: moved(candidate).travel <= travel, slowest)
+    if travel is not None and before.travel <= travel:
+        time, after = 0.0, before
+    else:
+        time, after = slowest, moved(slowest)
+    if travel is not None and time and after.travel < travel:
+        limit = travel
+        time = _fastest(lambda candidate: moved(candidate).travel <= limit, slowest)
         after = moved(time)
     return PVFilter(
         time=time,
-        enough=after.travel <= travel,
+        enough=travel is None or after.travel <= travel,
         phase_cost=math.degrees(math.atan(wc * time)),
         before=before,
         after=after,

@@ -10,6 +10,7 @@ from loop.errors import UnstableLoop
 from loop.margins import Margins, margins
 from loop.process import FOPDT
 from tuning.profiles import DEFAULT_PROFILE, Profile, profile_named
+from tuning.shortfall import missed_margins
 from tuning.simc import simc_pi
 
 
@@ -125,7 +126,8 @@ def gain_schedule(
 
 
 def _gap(low: SchedulePoint, high: SchedulePoint, profile: Profile) -> ScheduleGap:
-    swapped = [_kept(low.process, high.pid), _kept(high.process, low.pid)]
+    pairs = [(low.process, high.pid), (high.process, low.pid)]
+    swapped = [(process, _kept(process, pid)) for process, pid in pairs]
     middle = FOPDT(
         K=_mean(low.process.K, high.process.K),
         tau=_mean(low.process.tau, high.process.tau),
@@ -135,10 +137,10 @@ def _gap(low: SchedulePoint, high: SchedulePoint, profile: Profile) -> ScheduleG
     return ScheduleGap(
         low=low.at,
         high=high.at,
-        held_Ms=max(math.inf if kept is None else kept.Ms for kept in swapped),
+        held_Ms=max(math.inf if kept is None else kept.Ms for _, kept in swapped),
         between_Ms=math.inf if between is None else between.Ms,
-        steps=all(_holds(kept, profile) for kept in swapped),
-        lines=_holds(between, profile),
+        steps=all(_holds(process, kept, profile) for process, kept in swapped),
+        lines=_holds(middle, between, profile),
     )
 
 
@@ -149,13 +151,8 @@ def _kept(process: FOPDT, pid: PID) -> Margins | None:
         return None
 
 
-def _holds(kept: Margins | None, profile: Profile) -> bool:
-    return (
-        kept is not None
-        and kept.gain >= profile.gain
-        and kept.phase >= profile.phase
-        and kept.Ms <= profile.Ms
-    )
+def _holds(process: FOPDT, kept: Margins | None, profile: Profile) -> bool:
+    return kept is not None and not missed_margins(kept, profile, process.theta)
 
 
 def _half_way(low: PID, high: PID) -> PID:

@@ -8,6 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from loop.margin_batch import MarginBatch
+from loop.margins import Margins
 from loop.signals import Flags, Real
 from tuning.profiles import Profile
 from tuning.sweep import Sweep
@@ -170,6 +171,31 @@ def _overrun(name: str, values: Real, limits: Real) -> Real:
     return np.asarray(values / limits)
 
 
+def missed_margins(found: Margins, profile: Profile, theta: float = 0.0) -> tuple[str, ...]:
+    """Say which margins of one loop miss a profile; nothing where all hold.
+
+    Parameters
+    ----------
+    found : Margins
+        Margins of the loop.
+    profile : Profile
+        Limits on them.
+    theta : float
+        Dead time that a delay margin is held to. [s]
+    """
+    limits = {"gain": profile.gain, "phase": profile.phase, "Ms": profile.Ms}
+    if profile.delay_over_theta is not None:
+        limits["delay"] = profile.delay_over_theta * theta
+    if profile.Mt is not None:
+        limits["Mt"] = profile.Mt
+    missed = []
+    for name, limit in limits.items():
+        value = getattr(found, name)
+        if value < limit if MARGIN_NAMES[name][1] else value > limit:
+            missed.append(missed_limit(name, value, limit))
+    return tuple(missed)
+
+
 def missed_limit(name: str, value: float, limit: float, where: str = "") -> str:
     """Say which margin misses its limit, by its numbers and the plant.
 
@@ -197,7 +223,7 @@ def missed_limit(name: str, value: float, limit: float, where: str = "") -> str:
 
 def decibels(gain: float) -> str:
     """Print a gain margin in dB."""
-    return f"{20 * math.log10(gain):.1f} dB"
+    return f"{20 * math.log10(gain):.1f} dB" if gain else "-infinite dB"
 
 
 def gain_margin_words(gain: float) -> str:

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from loop.controller import PID, Action, controller_response
-from loop.errors import RuleNotApplicable, UnstableLoop
+from loop.errors import RuleNotApplicable
 from loop.margins import Margins
 from loop.process import FOPDT
 from loop.response_margins import ResponseLoop, following_grid, response_margins
 from loop.signals import Complex
+from tuning.response_sweep import ResponseSweep, sweep_response
+from tuning.sweep import FACTORS
 
-FACTORS = tuple(0.5 + 0.1 * i for i in range(11))
-UNSTABLE = Margins(gain=0.0, gain_reduction=0.0, phase=0.0, delay=0.0, Ms=math.inf, Mt=math.inf)
 # Beyond this multiple of the corners |L| is below a hundredth.
 BEYOND = 100.0
 
@@ -35,6 +35,11 @@ class SmithPredictor:
     pid: PID
     model: FOPDT
     tau_c: float
+
+    @property
+    def load_area(self) -> float:
+        """Area of PV after a unit load step, K (tau_c + theta): that of a lambda PI. [PV s/OP]"""
+        return abs(self.model.K) * (self.tau_c + self.model.theta)
 
 
 def smith_predictor(model: FOPDT, tau_c: float) -> SmithPredictor:
@@ -110,63 +115,21 @@ def smith_margins(predictor: SmithPredictor, process: FOPDT) -> Margins:
     return response_margins(ResponseLoop(L=opened, w=w))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SmithSweep:
-    """What a Smith predictor keeps when its model is wrong.
-
-    Attributes
-    ----------
-    nominal : Margins
-        At the model.
-    factors : tuple of float
-        Factors on one parameter of the process at a time. [-]
-    swept : dict of tuple of Margins
-        By parameter K, tau, theta, at every factor; an unstable loop has margins 0 and Ms
-        infinite.
-    worst_Ms : float
-        Largest Ms of all. [-]
-    worst : str
-        Where that is.
-    """
-
-    nominal: Margins
-    factors: tuple[float, ...]
-    swept: dict[str, tuple[Margins, ...]]
-    worst_Ms: float
-    worst: str
-
-
-def sweep_smith(predictor: SmithPredictor) -> SmithSweep:
-    """Move one parameter of the process at a time by ±50 % while the model stays.
+def sweep_smith(
+    predictor: SmithPredictor, *, factors: tuple[float, ...] = FACTORS
+) -> ResponseSweep:
+    """Move one parameter of the process at a time while the model stays.
 
     Parameters
     ----------
     predictor : SmithPredictor
         Predictor with its model.
+    factors : tuple of float
+        Factors on the parameter; 0.5 to 1.5 in eleven steps if not given. [-]
     """
     model = predictor.model
-    swept = {
-        name: tuple(_swept(predictor, model, name, factor) for factor in FACTORS)
-        for name in ("K", "tau", "theta")
-    }
-    worst_Ms, worst = max(
-        (found.Ms, f"{name} x {factor:.2g}")
-        for name, row in swept.items()
-        for factor, found in zip(FACTORS, row, strict=True)
+    return sweep_response(
+        lambda parameters: smith_margins(predictor, FOPDT(**parameters)),
+        {"K": model.K, "tau": model.tau, "theta": model.theta},
+        factors=factors,
     )
-    return SmithSweep(
-        nominal=smith_margins(predictor, model),
-        factors=FACTORS,
-        swept=swept,
-        worst_Ms=worst_Ms,
-        worst=worst,
-    )
-
-
-def _swept(predictor: SmithPredictor, model: FOPDT, name: str, factor: float) -> Margins:
-    moved = {"K": model.K, "tau": model.tau, "theta": model.theta}
-    moved[name] *= factor
-    try:
-        return smith_margins(predictor, FOPDT(**moved))
-    except UnstableLoop:
-        return UNSTABLE

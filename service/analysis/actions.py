@@ -7,7 +7,9 @@ import numpy as np
 from advice.analyse import analyse
 from advice.analysis_body import analysis_body
 from advice.body import Body, numbers
+from advice.interaction import interaction_body, interaction_case
 from advice.model_export import Script, export_model
+from advice.pole_region import Specification, region_body, region_case
 from loop.batch import MarginBatch, PIDBatch, ProcessBatch
 from loop.margin_batch import batch_margins
 from service.analysis.schemas import (
@@ -15,6 +17,8 @@ from service.analysis.schemas import (
     AnalyseLoop,
     AnalyseLoops,
     ExportModel,
+    RelateLoops,
+    SpecifyResponse,
     column,
 )
 from service.errors import InvalidRequest
@@ -56,6 +60,38 @@ def export_process(wanted: ExportModel) -> Script:
     try:
         process = stated_process(wanted.process)
         return export_model(process, wanted.target, sample_time=wanted.sample_time)
+    except ValueError as error:
+        raise InvalidRequest("body", str(error)) from error
+
+
+def region_of(wanted: SpecifyResponse) -> Body:
+    """Turn a specification of the step response into a region for the poles.
+
+    Raises
+    ------
+    InvalidRequest
+        A number cannot be.
+    """
+    poles = [complex(pole.real, pole.imag) for pole in wanted.poles]
+    try:
+        specification = Specification(**wanted.model_dump(exclude={"poles"}))
+        return region_body(region_case(specification, poles))
+    except ValueError as error:
+        raise InvalidRequest("body", str(error)) from error
+
+
+def relate_loops(wanted: RelateLoops) -> Body:
+    """Find the relative gains of a plant.
+
+    Raises
+    ------
+    InvalidRequest
+        The gains are not a square of numbers.
+    RuleNotApplicable
+        They are singular.
+    """
+    try:
+        return interaction_body(interaction_case(wanted.gains))
     except ValueError as error:
         raise InvalidRequest("body", str(error)) from error
 

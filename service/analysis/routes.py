@@ -11,8 +11,12 @@ from service.analysis.schemas import (
     AnalyseLoops,
     AnalysisBody,
     ExportModel,
+    InteractionBody,
     LoopsBody,
+    RegionBody,
+    RelateLoops,
     ScriptBody,
+    SpecifyResponse,
 )
 from service.audit import declares
 
@@ -35,3 +39,15 @@ def analyse_loops(body: AnalyseLoops, _: Viewer) -> Body:
 def export_process(body: ExportModel, _: Viewer) -> Script:
     """Write a process model as a short script for another tool."""
     return actions.export_process(body)
+
+
+@router.post("/analysis/pole-regions", response_model=RegionBody, openapi_extra=declares(None))
+def specify_response(body: SpecifyResponse, _: Viewer) -> Body:
+    """Turn a specification of the step response into a region for the poles, and poles back."""
+    return actions.region_of(body)
+
+
+@router.post("/analysis/interactions", response_model=InteractionBody, openapi_extra=declares(None))
+def relate_loops(body: RelateLoops, _: Viewer) -> Body:
+    """Find the relative gains of a plant, and the pairing that interacts least."""
+    return actions.relate_loops(body)

@@ -4,7 +4,7 @@ import math
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, JsonValue
 
 from advice.analyse import Task
 from loop.compensators import Compensator, Lag, Lead, LeadLag, Notch
@@ -244,3 +244,65 @@ class ScriptBody(Answer):
     target: str
     file_name: str
     text: str
+
+
+Part: TypeAlias = Annotated[float, Field(ge=0, lt=1)]
+
+
+class PoleBody(Strict):
+    """A pole; of a pair either one."""
+
+    real: Quantity = Field(description="[rad/s]")
+    imag: Quantity = Field(0.0, description="[rad/s]")
+
+
+class SpecifyResponse(Strict):
+    """Ask for the region of the s-plane that a step response leaves to its dominant poles."""
+
+    overshoot: Part | None = Field(None, description="Largest overshoot over the step. [-]")
+    phase: Annotated[float, Field(gt=0, lt=90)] | None = Field(
+        None, description="Smallest phase margin of the loop behind it. [deg]"
+    )
+    settling: Seconds | None = Field(None, description="Longest time to settle. [s]")
+    rise: Seconds | None = Field(None, description="Longest time from 10 to 90 %. [s]")
+    band: Annotated[float, Field(gt=0, lt=1)] = Field(
+        0.02, description="Half-width of the settling band over the step. [-]"
+    )
+    poles: Annotated[list[PoleBody], Field(max_length=100)] = Field(
+        [], description="Stable poles to hold to it."
+    )
+
+
+class RegionBody(Answer):
+    """Where dominant poles may lie, and poles read back as step responses."""
+
+    model_config = ConfigDict(extra="allow", from_attributes=True, allow_inf_nan=False)
+
+    zeta_min: float = Field(description="Least damping. [-]")
+    phase_margin_min: float = Field(description="Phase margin at that damping. [deg]")
+    edge: dict[str, Numbers] = Field(
+        description="At each damping zeta the least wn, and the pole there: real, imag. [rad/s]"
+    )
+    poles: list[dict[str, JsonValue]]
+    sentences: list[str]
+
+
+class RelateLoops(Strict):
+    """Ask how loops disturb each other."""
+
+    gains: Annotated[
+        list[Annotated[list[Quantity], Field(min_length=2, max_length=7)]],
+        Field(min_length=2, max_length=7),
+    ] = Field(description="Static gain from OP (column) to PV (row). [PV/OP]")
+
+
+class InteractionBody(Answer):
+    """Relative gains, and the pairing that interacts least."""
+
+    gains: list[list[float]]
+    relative_gains: list[list[float]]
+    pairing: list[int] | None = Field(
+        description="For each PV its OP, from 1; null where every pairing has a negative gain."
+    )
+    interacts: bool = Field(description="Whether the loops fight each other all the same.")
+    sentences: list[str]

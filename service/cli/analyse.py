@@ -9,7 +9,7 @@ from rich.console import Console
 from advice.analyse import Analysis, Task
 from advice.analyse import analyse as analyse_loop
 from advice.analysis_body import analysis_body
-from advice.display import decibels, digits
+from advice.display import digits, margins_words
 from loop.errors import INFINITELY_MANY
 from service.cli.stating import (
     CONTROLLER_HELP,
@@ -94,9 +94,7 @@ def _loop(analysis: Analysis) -> list[str]:
     else:
         word = "keeps" if analysis.passes else "does not keep"
         sentences = [
-            f"Stable. Gain margin {decibels(found.gain)} dB, phase margin "
-            f"{digits(found.phase, 3)}°, delay margin {digits(found.delay, 3)} s, "
-            f"Ms {digits(found.Ms, 3)}, Mt {digits(found.Mt, 3)}.",
+            f"Stable: {margins_words(found)}.",
             f"At the model it {word} the profile {analysis.profile.name}.",
         ]
         if found.gain_reduction:

@@ -54,6 +54,46 @@ COMMANDS = (
         "Analyse a process with a controller: margins, poles, limits of performance.",
     ),
     Entry(
+        "region",
+        "service.cli.region:region",
+        "Turn a second-order specification into a region for the poles, and poles back.",
+    ),
+    Entry(
+        "interaction",
+        "service.cli.interaction:interaction",
+        "Find the relative gains of a plant, and the pairing that interacts least.",
+    ),
+    Entry(
+        "smooth",
+        "service.cli.smooth:smooth",
+        "Tune as slowly as a load permits: smooth tuning, and averaging level control.",
+    ),
+    Entry(
+        "condition",
+        "service.cli.condition:condition",
+        "Work out scan time, filters, N, b and Tt, and what noise does to the output.",
+    ),
+    Entry(
+        "predictor",
+        "service.cli.predictor:predictor",
+        "Tune a Smith predictor and sweep the errors of its model.",
+    ),
+    Entry(
+        "cascade",
+        "service.cli.cascade:cascade",
+        "Tune a cascade from inside out, sweep both loops, and hold it against a single loop.",
+    ),
+    Entry(
+        "feedforward",
+        "service.cli.feedforward:feedforward",
+        "Work out the feed-forward of a measured load, and what it leaves.",
+    ),
+    Entry(
+        "schedule",
+        "service.cli.schedule:schedule",
+        "Tune at every operating point, and say whether the points are close enough.",
+    ),
+    Entry(
         "simulate",
         "service.cli.simulate:simulate",
         "Simulate settings before they are typed: steps, loads, a record met again.",

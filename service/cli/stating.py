@@ -4,6 +4,7 @@ import math
 
 import typer
 
+from loop.compensators import Compensator, Lag, Lead, LeadLag, Notch
 from loop.controller import PID
 from loop.feedback_sign import feedback_action
 from loop.process import (
@@ -21,7 +22,11 @@ PROCESS_HELP = (
     "PureDelay:K,THETA or TF:NUM/DEN,THETA with coefficients such as 1,2/1,3,2 (highest power "
     "first), in seconds."
 )
-CONTROLLER_HELP = "KC,TI,TD[,N[,TAUF]] (ISA form, seconds; TI and N may be inf)."
+CONTROLLER_HELP = (
+    "KC,TI,TD[,N[,TAUF]] (ISA form, seconds; TI and N may be inf), and b=B or c=C, the weights of "
+    "the set point, after them."
+)
+COMPENSATOR_HELP = "Lead:T,ALPHA, Lag:T,BETA, LeadLag:T_LEAD,T_LAG or Notch:W0,ZETA_ZERO,ZETA_POLE."
 
 
 def process_from_text(text: str) -> Process:
@@ -70,6 +75,58 @@ def _process(kind: str, rest: str) -> Process:
             raise ValueError(f"there is no process {kind}:{rest}")
 
 
+def first_order_from_text(text: str, question: str) -> FOPDT:
+    """Read a first-order process with dead time.
+
+    Parameters
+    ----------
+    text : str
+        FOPDT:K,TAU,THETA.
+    question : str
+        What asks for it, for the sentence of the refusal.
+
+    Raises
+    ------
+    typer.BadParameter
+        The text is no such process.
+    """
+    process = process_from_text(text)
+    if not isinstance(process, FOPDT):
+        raise typer.BadParameter(
+            f"{question} takes FOPDT:K,TAU,THETA, not {type(process).__name__}"
+        )
+    return process
+
+
+def compensator_from_text(text: str) -> Compensator:
+    """Read a compensator from `KIND:NUMBERS`.
+
+    Raises
+    ------
+    typer.BadParameter
+        The text is not of that form, or a number is out of its range.
+
+    Examples
+    --------
+    >>> compensator_from_text("Notch:503,0.05,0.5")
+    Notch(w0=503.0, zeta_zero=0.05, zeta_pole=0.5)
+    """
+    kind, _, rest = text.partition(":")
+    try:
+        match kind.strip().lower(), _numbers(rest, None):
+            case "lead", [T, alpha]:
+                return Lead(T=T, alpha=alpha)
+            case "lag", [T, beta]:
+                return Lag(T=T, beta=beta)
+            case "leadlag", [T_lead, T_lag]:
+                return LeadLag(T_lead=T_lead, T_lag=T_lag)
+            case "notch", [w0, zeta_zero, zeta_pole]:
+                return Notch(w0=w0, zeta_zero=zeta_zero, zeta_pole=zeta_pole)
+    except ValueError as error:
+        raise typer.BadParameter(f"{error}. A compensator is {COMPENSATOR_HELP}") from error
+    raise typer.BadParameter(f"there is no compensator {text!r}. One is {COMPENSATOR_HELP}")
+
+
 def controller_from_text(text: str, process: Process) -> PID:
     """Read controller settings from `KC,TI,TD[,N[,TAUF]]`; the action follows the process.
 
@@ -80,15 +137,30 @@ def controller_from_text(text: str, process: Process) -> PID:
 
     Examples
     --------
-    >>> controller_from_text("0.45,135,13.3", FOPDT(K=2, tau=120, theta=30)).Ti
-    135.0
+    >>> controller_from_text("0.45,135,13.3,b=0.7", FOPDT(K=2, tau=120, theta=30)).b
+    0.7
     """
+    parts = text.split(",")
+    plain = [part for part in parts if "=" not in part]
     try:
-        values = _settings(text)
+        weights = _weights(parts[len(plain) :])
+        values = _settings(",".join(plain))
         Kc, Ti, Td, N, tauF = [*values, *(math.inf, 0.0, 10.0, 0.0)[len(values) - 1 :]]
-        return PID(Kc=Kc, Ti=Ti, Td=Td, N=N, tauF=tauF, action=feedback_action(process))
+        own = feedback_action(process)
+        return PID(Kc=Kc, Ti=Ti, Td=Td, N=N, tauF=tauF, action=own, **weights)
     except ValueError as error:
         raise typer.BadParameter(f"{error}. A controller is {CONTROLLER_HELP}") from error
+
+
+def _weights(parts: list[str]) -> dict[str, float]:
+    """Set-point weights from `b=0.7` and `c=1`, which stand at the end."""
+    weights = {}
+    for part in parts:
+        name, _, value = part.partition("=")
+        if name.strip() not in ("b", "c"):
+            raise ValueError(f"only b=B and c=C may follow the numbers, got {part!r}")
+        weights[name.strip()] = _numbers(value, 1)[0]
+    return weights
 
 
 def _settings(text: str) -> list[float]:

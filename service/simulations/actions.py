@@ -1,7 +1,5 @@
 """What users ask to see simulated; nothing is stored."""
 
-from datetime import timedelta
-
 import numpy as np
 from sqlalchemy.orm import Session
 
@@ -11,14 +9,11 @@ from advice.scenario import Event, LoadChange, Replay, SetPointChange, Transfer
 from advice.what_if import what_if
 from advice.what_if_body import what_if_body
 from historian.sample_store import SampleStore
-from loop.errors import NoSamples
 from loop.process import Process
-from loop.record import Record
 from loop.signals import Real
 from service.errors import InvalidRequest
-from service.loops.store import loop_with_id
 from service.models.schemas import stated_process
-from service.records.store import record_with_id
+from service.records.stretches import record_of
 from service.simulations.schemas import EventBody, FanBody, ReplayBody, Simulate
 
 
@@ -60,22 +55,8 @@ def _draws(fan: FanBody, process: Process) -> Real:
 
 def _event(body: EventBody, reading: Session, samples: SampleStore) -> Event:
     if isinstance(body, ReplayBody):
-        return Replay(record=_record(body, reading, samples))
+        return Replay(record=record_of(body, reading, samples))
     values = body.model_dump(exclude={"kind"})
     kinds = {"set point": SetPointChange, "load": LoadChange, "transfer": Transfer}
     event: Event = kinds[body.kind](**values)
     return event
-
-
-def _record(body: ReplayBody, reading: Session, samples: SampleStore) -> Record:
-    loop = loop_with_id(reading, body.loop_id)
-    row = record_with_id(reading, body.loop_id, body.record_id)
-    if row.first_time is None or row.last_time is None:
-        raise NoSamples(loop.tag)
-    start = max(filter(None, (row.first_time, body.start)))
-    # The store reads up to, and without, its second bound.
-    end = min(filter(None, (row.last_time + timedelta(microseconds=1), body.end)))
-    found = samples.read(body.loop_id, start, max(start, end))
-    if not len(found):
-        raise NoSamples(loop.tag)
-    return found.record(tag=loop.tag, pv_unit=loop.pv_unit, op_unit=loop.op_unit)

@@ -9,9 +9,10 @@ from advice.scenario import Conditions
 from loop.digital_pid import AntiWindup, OutputLimits
 from loop.valve import Choudhury, DeadBand, He, Kano, Valve
 from service.analysis.schemas import ControllerBody
-from service.models.schemas import Id, ProcessBody
+from service.models.schemas import AnyProcessBody
+from service.records.stretches import Stretch
 from service.schemas import Answer, Strict
-from service.units import Moment, Positive, Quantity, Seconds, SecondsOrNone, Word
+from service.units import Positive, Quantity, Seconds, SecondsOrNone, Word
 
 MOST_CONTROLLERS = 5
 MOST_EVENTS = 5
@@ -135,14 +136,10 @@ class TransferBody(Strict):
     size: Quantity = Field(0.0, description="Set point less PV at the transfer. [PV]")
 
 
-class ReplayBody(Strict):
+class ReplayBody(Stretch):
     """Meet the disturbance of a stored record again."""
 
     kind: Literal["replay"]
-    loop_id: Id
-    record_id: Id
-    start: Moment | None = Field(None, description="Use the record from here on.")
-    end: Moment | None = Field(None, description="Use the record up to here.")
 
 
 EventBody: TypeAlias = Annotated[
@@ -177,7 +174,7 @@ class FanBody(Strict):
 class Simulate(Strict):
     """Ask what settings will do."""
 
-    process: ProcessBody
+    process: AnyProcessBody
     controllers: Annotated[
         list[NamedController], Field(min_length=1, max_length=MOST_CONTROLLERS)
     ] = Field(description="Settings to compare, such as the new and the running ones.")

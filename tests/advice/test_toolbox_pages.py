@@ -9,7 +9,13 @@ import pytest
 METHODS = Path(__file__).parents[2] / "docs" / "methods"
 PAGES = [
     METHODS / f"{name}.md"
-    for name in ("classical-toolbox", "performance-limits", "beyond-one-loop", "model-export")
+    for name in (
+        "classical-toolbox",
+        "performance-limits",
+        "beyond-one-loop",
+        "model-export",
+        "smooth",
+    )
 ]
 
 

@@ -1,6 +1,7 @@
 """Cascade, feed-forward and gain schedule."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,11 +9,14 @@ import pytest
 from loop.controller import PID
 from loop.errors import RuleNotApplicable, UnstableLoop
 from loop.margins import margins
-from loop.open_loop import process_output
-from loop.process import FOPDT
-from tuning.cascade import cascade
-from tuning.feed_forward import feed_forward
+from loop.open_loop import process_output, step_response
+from loop.process import FOPDT, TransferFunction
+from tuning.cascade import cascade, sweep_cascade
+from tuning.feed_forward import _Law, feed_forward
 from tuning.gain_schedule import gain_schedule
+from tuning.profiles import PROFILES, Profile
+from tuning.response_sweep import judge_sweep
+from tuning.robust_cascade import robust_cascade
 
 FLOW, HEAT = FOPDT(K=3, tau=5, theta=1), FOPDT(K=0.8, tau=100, theta=10)
 HEATER = FOPDT(K=2, tau=120, theta=30)
@@ -56,6 +60,57 @@ def test_a_cascade_whose_inner_loop_is_slow_is_told_so() -> None:
         cascade(FOPDT(K=3, tau=5, theta=0), HEAT)
 
 
+def test_the_sweep_of_a_cascade_is_its_margins_on_the_moved_processes() -> None:
+    found = cascade(FLOW, HEAT)
+    sweep = sweep_cascade(found, FLOW, HEAT, factors=(0.5, 1.0, 1.5))
+
+    assert set(sweep.parameters) == {
+        f"{place} {name}" for place in ("inner", "outer") for name in ("K", "tau", "theta")
+    }
+    assert all(row[1] == found.outer_margins == sweep.nominal for row in sweep.swept.values())
+    # Second route: |1 + L| on a fine grid.
+    w = np.geomspace(1e-4, 1, 40_001)
+    s = 1j * w
+
+    def loop(C: PID, G: FOPDT, factor: float = 1.0) -> np.ndarray:
+        lag = factor * G.tau
+        law = C.Kc * (1 + 1 / (C.Ti * s))
+        return np.asarray(law * G.K * np.exp(-G.theta * s) / (lag * s + 1))
+
+    inner = loop(found.inner, FLOW)
+    L = loop(found.outer, HEAT, 0.5) * inner / (1 + inner)
+    Ms = sweep.swept["outer tau"][0].Ms
+    assert Ms == pytest.approx(float(np.max(1 / np.abs(1 + L))), rel=1e-6)
+    assert (sweep.worst_Ms, sweep.worst) == (Ms, "outer tau x 0.5")
+    # SIMC at its fastest does not keep the profile where the model is off.
+    assert (
+        "below 1.995 (6.0 dB) with outer K x 1.5"
+        in judge_sweep(sweep, PROFILES["general"]).sentence
+    )
+
+
+def test_an_inner_loop_that_is_lost_takes_the_outer_with_it() -> None:
+    tight = cascade(FLOW, HEAT, inner_tau_c=0.02, outer_tau_c=11.5)
+    sweep = sweep_cascade(tight, FLOW, HEAT, factors=(1.0, 2.0))
+    assert sweep.swept["inner K"][-1].Ms == math.inf
+    with pytest.raises(UnstableLoop):
+        margins(FOPDT(K=6, tau=5, theta=1), tight.inner)
+
+
+def test_the_fastest_cascade_keeps_the_profile_and_a_faster_one_does_not() -> None:
+    found = robust_cascade(FLOW, HEAT, PROFILES["general"])
+    assert found.verdict.passes
+    assert found.inner_tau_c == pytest.approx(1.5, abs=0.05)  # SIMC's smallest at theta/tau .2
+    worst = [kept for row in found.sweep.swept.values() for kept in row]
+    assert max(kept.Ms for kept in worst) == pytest.approx(2.0, abs=0.02)
+    quick = cascade(FLOW, HEAT, inner_tau_c=found.inner_tau_c, outer_tau_c=0.97 * found.outer_tau_c)
+    sweep = sweep_cascade(quick, FLOW, HEAT, factors=(0.5, 1.5))
+    assert not judge_sweep(sweep, PROFILES["general"]).passes
+    strict = Profile(name="strict", gain=200.0, phase=45, Ms=2)
+    with pytest.raises(RuleNotApplicable, match="does not keep the profile strict"):
+        robust_cascade(FLOW, HEAT, strict, inner_tau_c=1.0)
+
+
 def test_feed_forward_with_time_to_spare_cancels_the_load() -> None:
     found = feed_forward(HEATER, FOPDT(K=-1, tau=60, theta=40))
 
@@ -74,6 +129,36 @@ def test_feed_forward_that_comes_too_late_leaves_what_the_load_does_until_then()
     # Until the correction arrives the load moves PV by 1 - e^(-late/tau_d); after, it only fades.
     assert found.peak == pytest.approx(1 - math.exp(-20 / 60), rel=1e-9)
     assert "it comes 20 s too late" in found.sentence
+
+
+def test_feed_forward_on_a_model_that_is_off_leaves_what_a_simulation_shows() -> None:
+    load = FOPDT(K=-1, tau=60, theta=40)
+    found = feed_forward(HEATER, load)
+    # With half the load's gain it does as much harm as it does good.
+    assert found.worst_part == pytest.approx(1.0, rel=1e-3)
+    assert found.worst == "K of the load x 0.5"
+    # A load that is twice as wide and comes early: the worst is another one.
+    quick = feed_forward(FOPDT(K=2, tau=10, theta=30), FOPDT(K=-1, tau=60, theta=31))
+    name, _, rest = quick.worst.partition(" of the ")
+    place, _, factor = rest.partition(" x ")
+    moved = {"process": FOPDT(K=2, tau=10, theta=30), "load": FOPDT(K=-1, tau=60, theta=31)}
+    moved[place] = replace(moved[place], **{name: getattr(moved[place], name) * float(factor)})
+    t = np.arange(0, 500, 0.02)
+    later = np.maximum(t - quick.delay, 0.0)
+    op = quick.gain * (1 + (quick.T_lead / quick.T_lag - 1) * np.exp(-later / quick.T_lag))
+    op = np.where(t >= quick.delay, op, 0.0)
+    alone = process_output(moved["load"], t, np.ones_like(t), op_before=0.0)
+    y = alone + process_output(moved["process"], t, op, op_before=0.0)
+    part = np.max(np.abs(y)) / np.max(np.abs(alone))
+    assert part == pytest.approx(quick.worst_part, abs=5e-3)
+
+
+@pytest.mark.parametrize("lag", [120.0, 60.0])
+def test_a_lead_on_a_wrong_lag_is_followed_in_time(lag: float) -> None:
+    law = _Law(gain=0.5, lead=100.0, lag=lag, delay=5.0)
+    t = np.linspace(0, 900, 301)
+    path = TransferFunction((100.0, 1.0), tuple(np.polymul((lag, 1.0), (120.0, 1.0))), 35.0)
+    np.testing.assert_allclose(law.answer(HEATER, t), step_response(path, t), atol=1e-9)
 
 
 def test_a_lead_that_would_only_multiply_noise_is_held() -> None:

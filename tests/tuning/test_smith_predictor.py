@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,10 @@ from loop.margins import margins
 from loop.process import FOPDT
 from loop.response_margins import ResponseLoop, following_grid, response_margins
 from loop.signals import Complex
+from tuning.lambda_pi import lambda_pi
+from tuning.profiles import PROFILES, Profile
+from tuning.response_sweep import judge_sweep
+from tuning.robust_smith import robust_smith
 from tuning.smith_predictor import smith_margins, smith_predictor, sweep_smith
 
 MODEL = FOPDT(K=1, tau=1, theta=1)
@@ -122,3 +127,59 @@ def test_a_loop_that_never_reaches_gain_one_has_no_phase_to_lose() -> None:
     assert (found.gain, found.phase, found.delay) == (math.inf, math.inf, math.inf)
     assert found.Ms == pytest.approx(1.0, abs=1e-3)
     assert found.Mt == pytest.approx(1 / 3, abs=1e-6)
+
+
+@pytest.mark.parametrize("profile", ["general", "process"])
+def test_the_fastest_predictor_keeps_the_profile_and_a_faster_one_does_not(profile: str) -> None:
+    limits = PROFILES[profile]
+    found = robust_smith(FOPDT(K=-2, tau=30, theta=60), limits)
+    tau_c = found.predictor.tau_c
+    assert found.verdict.passes
+    assert f"Passes the {profile} profile for ±50 % of each parameter" in found.verdict.sentence
+    kept = [margin for row in found.sweep.swept.values() for margin in row]
+    assert max(margin.Ms for margin in kept) <= limits.Ms
+    assert min(margin.gain for margin in kept) >= limits.gain
+    faster = sweep_smith(smith_predictor(found.predictor.model, 0.97 * tau_c), factors=(0.5, 1.5))
+    assert not judge_sweep(faster, limits).passes
+
+
+def test_a_predictor_that_no_speed_saves_is_refused() -> None:
+    strict = Profile(name="strict", gain=30.0, phase=45, Ms=2)
+    with pytest.raises(RuleNotApplicable, match=r"up to tau_c = 20 dead times .* profile strict"):
+        robust_smith(FOPDT(K=1, tau=1, theta=1), strict)
+    with pytest.raises(RuleNotApplicable, match="no dead time"):
+        robust_smith(FOPDT(K=1, tau=1, theta=0), strict)
+
+
+def test_a_sweep_says_what_is_lost_first() -> None:
+    sweep = sweep_smith(smith_predictor(FOPDT(K=1, tau=1, theta=1), 0.25))
+    assert sweep.worst_Ms == math.inf
+    verdict = judge_sweep(sweep, Profile(name="none", gain=1.0001, phase=0.1, Ms=1e9))
+    assert "the loop is unstable with" in verdict.sentence
+    late = Profile(name="late", gain=1.1, phase=1, Ms=99, delay_over_theta=3.0, Mt=99)
+    calm = sweep_smith(smith_predictor(FOPDT(K=1, tau=1, theta=1), 1.5))
+    assert "the delay margin is" in judge_sweep(calm, late).sentence
+    assert judge_sweep(calm, replace(late, delay_over_theta=1.0)).passes
+
+
+def test_the_load_area_is_that_of_a_lambda_pi() -> None:
+    """Second route: the predictor run sample by sample, and the PI's Ti/Kc."""
+    model, dt = FOPDT(K=2, tau=30, theta=60), 0.5
+    predictor = smith_predictor(model, 40.0)
+    keep, late = math.exp(-dt / 30), 120
+    sent = [0.0] * late
+    plant = inner = delayed_inner = integral = area = 0.0
+    for k in range(8000):
+        delayed = sent[k]
+        plant = keep * plant + 2 * (1 - keep) * (delayed + (1.0 if k >= late else 0.0))
+        delayed_inner = keep * delayed_inner + 2 * (1 - keep) * delayed
+        area += plant * dt
+        # The model without its dead time, corrected by what the delayed one misses.
+        error = -(plant + inner - delayed_inner)
+        integral += predictor.pid.Kc / predictor.pid.Ti * error * dt
+        u = predictor.pid.Kc * error + integral
+        sent.append(u)
+        inner = keep * inner + 2 * (1 - keep) * u
+    assert area == pytest.approx(predictor.load_area, rel=5e-3)
+    pi = lambda_pi(model, 40.0)
+    assert predictor.load_area == pytest.approx(pi.Ti / pi.Kc)

@@ -31,7 +31,7 @@ def test_the_text_says_margins_poles_limits_and_the_answer_to_the_task(said: Sai
 
     out = said()[0]
     assert code == 0
-    assert "Gain margin 17.2 dB, phase margin 84.2°, delay margin 219 s, Ms 1.16" in out
+    assert "Stable: gain margin 17.2 dB, phase margin 84.2°, delay margin 219 s, Ms 1.16" in out
     assert "Nyquist: Z = N + P, 0 = 0 + 0." in out
     assert "On the axis at 0.079467 rad/s with 7.2836 times the gain." in out
     assert "Dead time of 30 s: wc at most 0.03491 rad/s with even an ideal controller." in out

@@ -1,0 +1,1 @@
+"""Cascades with their sweep; nothing is stored."""

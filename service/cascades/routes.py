@@ -1,0 +1,17 @@
+"""HTTP routes of beyond one loop."""
+
+from fastapi import APIRouter
+
+from advice.body import Body
+from service.access import Viewer
+from service.audit import declares
+from service.cascades import actions
+from service.cascades.schemas import CascadeBody, TuneCascade
+
+router = APIRouter(prefix="/v1", tags=["beyond one loop"])
+
+
+@router.post("/cascades", response_model=CascadeBody, openapi_extra=declares(None))
+def tune_cascade(body: TuneCascade, _: Viewer) -> Body:
+    """Tune a cascade from inside out and sweep both loops; nothing is stored."""
+    return actions.tune_cascade(body)

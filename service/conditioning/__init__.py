@@ -1,0 +1,1 @@
+"""The details around settings: scan time, filters, weights; nothing is stored."""

@@ -1,0 +1,1 @@
+"""Feed-forward of measured loads; nothing is stored."""

@@ -1,0 +1,17 @@
+"""HTTP routes of beyond one loop."""
+
+from fastapi import APIRouter
+
+from advice.body import Body
+from service.access import Viewer
+from service.audit import declares
+from service.feed_forwards import actions
+from service.feed_forwards.schemas import FeedForwardBody, FeedLoadForward
+
+router = APIRouter(prefix="/v1", tags=["beyond one loop"])
+
+
+@router.post("/feed-forwards", response_model=FeedForwardBody, openapi_extra=declares(None))
+def feed_load_forward(body: FeedLoadForward, _: Viewer) -> Body:
+    """Work out the feed-forward of a measured load, and what it leaves; nothing is stored."""
+    return actions.feed_load_forward(body)

@@ -1,0 +1,1 @@
+"""Schedules of settings over operating points; nothing is stored."""

@@ -1,0 +1,17 @@
+"""HTTP routes of beyond one loop."""
+
+from fastapi import APIRouter
+
+from advice.body import Body
+from service.access import Viewer
+from service.audit import declares
+from service.schedules import actions
+from service.schedules.schemas import ScheduleBody, ScheduleSettings
+
+router = APIRouter(prefix="/v1", tags=["beyond one loop"])
+
+
+@router.post("/schedules", response_model=ScheduleBody, openapi_extra=declares(None))
+def schedule(body: ScheduleSettings, _: Viewer) -> Body:
+    """Tune at every operating point, and say whether the points are close enough."""
+    return actions.schedule(body)

@@ -1,0 +1,1 @@
+"""Smith predictors with their sweep; nothing is stored."""

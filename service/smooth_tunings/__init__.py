@@ -1,0 +1,1 @@
+"""The slowest settings a load permits; nothing is stored."""

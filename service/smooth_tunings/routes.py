@@ -1,0 +1,17 @@
+"""HTTP routes of tunings."""
+
+from fastapi import APIRouter
+
+from advice.body import Body
+from service.access import Viewer
+from service.audit import declares
+from service.smooth_tunings import actions
+from service.smooth_tunings.schemas import SmoothBody, TuneSmoothly
+
+router = APIRouter(prefix="/v1", tags=["tunings"])
+
+
+@router.post("/smooth-tunings", response_model=SmoothBody, openapi_extra=declares(None))
+def tune_smoothly(body: TuneSmoothly, _: Viewer) -> Body:
+    """Tune as slowly as a load permits: smooth and averaging tuning; nothing is stored."""
+    return actions.tune_smoothly(body)
