@@ -1,6 +1,8 @@
 """Average samples into buckets that are fine where a response can be and wide elsewhere."""
 
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -9,6 +11,9 @@ import numpy.typing as npt
 from loop.signals import Real
 
 Indices: TypeAlias = npt.NDArray[np.intp]
+
+# The part of a move's share of buckets that goes to what is before the first.
+BEFORE = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,28 +72,23 @@ def condense(
             pv=np.add.reduceat(pv * weight, starts) / total,
             weight=total,
         )
-    total, last = np.empty(starts.size), np.empty(starts.size)
-    total[:-1], total[-1] = starts[1:] - starts[:-1], t.size - starts[-1]
-    last[:-1], last[-1] = t[starts[1:] - 1], t[-1]
+    ends = np.empty_like(starts)
+    ends[:-1], ends[-1] = starts[1:], t.size
+    total = (ends - starts).astype(np.float64)
+    ends -= 1
+    spread = t[ends]
+    spread -= t[starts]
+    spread *= spread
+    spread *= (total + 1) / (12 * np.maximum(total - 1, 1))
     # About the first value, so that a large offset costs no digits.
     about = pv - pv[0]
     sums = np.add.reduceat(about, starts)
     means = sums / total
-    return Samples(
-        t=np.add.reduceat(t, starts) / total,
-        pv=means + pv[0],
-        weight=total,
-        spread=(last - t[starts]) ** 2 * (total + 1) / (12 * np.maximum(total - 1, 1)),
-        scatter=max(float(about @ about) - float(sums @ means), 0.0),
-    )
-
-
-def _increasing(starts: list[Real]) -> Indices:
-    """Whole numbers of all, in order, each once."""
-    together = np.concatenate(starts).astype(np.intp)
-    new = np.ones(together.size, dtype=np.bool_)
-    np.greater(together[1:], together[:-1], out=new[1:])
-    return together[new]
+    scatter = max(float(about @ about) - float(sums @ means), 0.0)
+    means += pv[0]
+    times = np.add.reduceat(t, starts)
+    times /= total
+    return Samples(t=times, pv=means, weight=total, spread=spread, scatter=scatter)
 
 
 def _bucket_starts(n: int, moved: Indices, at_most: int) -> Indices:
@@ -98,10 +98,15 @@ def _bucket_starts(n: int, moved: Indices, at_most: int) -> Indices:
     if share < 20 or not moves:
         return np.linspace(0, n, at_most, endpoint=False).astype(np.intp)
     # Before the first move nothing happens that needs resolving.
-    starts: list[Real] = [np.arange(share // 2) * (moves[0] / (share // 2))]
-    rising = np.arange(share) / share
-    for first, end in zip(moves, [*moves[1:], n], strict=True):
-        starts += [np.array([first]), first + float(end - first) ** rising]
-    whole = _increasing(starts)
-    # A move at the very last sample has no sample after it.
-    return whole[whole < n]
+    starts = [np.arange(share // BEFORE) * (moves[0] / (share // BEFORE))]
+    rising = np.arange(share) * (1 / share)
+    for first, end in pairwise([*moves, n]):
+        starts.append(first + np.exp(rising * math.log(end - first)))
+        starts[-1][0] = first  # and first + 1 is among the next
+    together = np.concatenate(starts).astype(np.intp)
+    # Whole numbers, each once; a move at the very last sample has no sample after it.
+    new = np.empty(together.size, dtype=np.bool_)
+    new[0] = True
+    np.greater(together[1:], together[:-1], out=new[1:])
+    new &= together < n
+    return together[new]

@@ -7,6 +7,7 @@ takes the memory of one block.
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.linalg.lapack import dposv
@@ -18,9 +19,10 @@ from loop.signals import Real
 # tau; a hundredth of a standard error is nothing that data can tell. A step in theta also moves the
 # corner of the answer past a few noisy samples, which only a step of a few tenths leaves small.
 SMALL_ERROR, SMALL_STEP = 0.01, 0.3
-# Where such a step raises the sum of squares by under a twentieth of the noise variance, which is a
-# fifth of a standard error, both ends are as good: the corner's samples make the valley rough.
-FLAT = 0.05
+# A step that would lower the sum of squares by under a tenth of the noise variance, or raises it by
+# as little, is under a third of a standard error and both ends are as good: the corner's samples
+# make the valley rough, and to follow them to its very bottom scatters estimates more, not less.
+FLAT = 0.1
 # Without noise the standard errors vanish; rounding then ends the iteration.
 ROUNDING = 1e-12
 MOST_STEPS = 60
@@ -77,7 +79,7 @@ class Point:
     """Everything a step needs at one (tau, theta).
 
     `normal` and `gradient` order the parameters as the linear ones (K, pv0, drift, start), then
-    ln(tau) and theta.
+    ln(tau) and theta. `slopes` is, of averages, what theta does to the response, block by block.
     """
 
     tau: float
@@ -86,6 +88,7 @@ class Point:
     sse: float
     normal: Real
     gradient: Real
+    slopes: list[Real]
 
 
 def evaluate(problem: Problem, tau: float, theta: float) -> Point:
@@ -98,83 +101,86 @@ def evaluate(problem: Problem, tau: float, theta: float) -> Point:
     tau, theta : float
         Where. [s]
     """
-    products = _inner_products(problem, tau, theta)
+    products, slopes = _inner_products(problem, tau, theta)
     linear = 2 + problem.drift + problem.start
-    gram, product, square = products[:-1, :-1], products[:-1, -1], float(products[-1, -1])
+    gram, product = products[:-1, :-1], products[:-1, -1]
     a = _solve(gram[:linear, :linear], product[:linear])
-    misfit = product - gram[:, :linear] @ a
-    sse = square - float(a @ (product[:linear] + misfit[:linear]))
+    misfit = product - a @ gram[:linear]
+    sse = float(products[-1, -1] - a @ (product[:linear] + misfit[:linear]))
     # From columns to the Jacobian in K, pv0, drift, start, ln(tau), theta.
-    scale = np.ones(len(gram))
-    scale[linear] = a[0] * tau
-    scale[linear + 1] = a[0]
-    if problem.start:
-        scale[-1] = a[-1] * tau
-    normal, gradient = gram * scale * scale[:, None], misfit * scale
+    K = float(a[0])
+    scale = np.array([1.0] * linear + [K * tau, K] + [float(a[-1]) * tau] * problem.start)
+    normal, gradient = gram * scale, misfit * scale
+    normal *= scale[:, None]
     if problem.start:  # both parts of what tau does
         normal[linear] += normal[-1]
         normal[:, linear] += normal[:, -1]
         gradient[linear] += gradient[-1]
         normal, gradient = normal[:-1, :-1], gradient[:-1]
     return Point(
-        tau=tau, theta=theta, linear=a, sse=max(sse, 0.0), normal=normal, gradient=gradient
+        tau=tau,
+        theta=theta,
+        linear=a,
+        sse=max(sse, 0.0),
+        normal=normal,
+        gradient=gradient,
+        slopes=slopes,
     )
 
 
-def _inner_products(problem: Problem, tau: float, theta: float) -> Real:
-    """Inner products of all columns with each other.
+def _inner_products(problem: Problem, tau: float, theta: float) -> tuple[Real, list[Real]]:
+    """Inner products of all columns with each other; of averages also what theta does, in blocks.
 
     Columns: the response, 1, t where a drift is fitted, e^(-t/tau) where a start is; then what tau
     and theta do to the response, and what tau does to the start; last the data.
     """
     linear = 2 + problem.drift + problem.start
     size = linear + 3 + problem.start
-    products = np.zeros((size, size))
-    states = lag_states(problem.held, tau)
-    columns = np.empty((size, min(BLOCK, problem.t.size)))
+    n, products, slopes = problem.t.size, np.empty((size, size)), []
+    states = lag_states(problem.held, tau) if problem.held.moves > 1 else None
+    columns = np.empty((size, min(BLOCK, n)))
     columns[1] = 1.0
-    for first in range(0, problem.t.size, BLOCK):
-        block = slice(first, first + BLOCK)
-        t = problem.t[block]
-        columns = columns[:, : t.size]
+    for first in range(0, n, BLOCK):
+        t, pv, weight, spread = problem.t, problem.pv, problem.weight, problem.spread
+        if n > BLOCK:
+            block = slice(first, first + BLOCK)
+            t, pv = t[block], pv[block]
+            weight = None if weight is None else weight[block]
+            spread = None if spread is None else spread[block]
+            columns = columns[:, : t.size]
         response = (columns[0], columns[linear], columns[linear + 1])
-        lag_response(problem.held, t, tau, theta, states=states, out=response)
-        if problem.spread is not None:
-            _average(response, problem.spread[block], tau)
+        lag_response(problem.held, t, tau, theta, states=states, spread=spread, out=response)
         if problem.drift:
             np.subtract(t, problem.t0, out=columns[2])
         if problem.start:
             age = (t - problem.t0) / tau
             np.exp(-np.minimum(age, LONGEST), out=columns[linear - 1])
-            if problem.spread is not None:
-                columns[linear - 1] *= 1 + problem.spread[block] / (2 * tau**2)
+            if spread is not None:
+                columns[linear - 1] *= 1 + spread / (2 * tau**2)
             np.multiply(columns[linear - 1], age / tau, out=columns[-2])
-        np.subtract(problem.pv[block], problem.pv_first, out=columns[-1])
-        weighted = columns if problem.weight is None else columns * problem.weight[block]
+        if spread is not None:
+            slopes.append(response[2].copy())
+        np.subtract(pv, problem.pv_first, out=columns[-1])
+        weighted = columns if weight is None else columns * weight
         # Numpy takes a symmetric routine for A @ A.T that is four times slower on thin arrays.
-        products[:-1] += weighted[:-1] @ columns.T
-        products[-1, -1] += weighted[-1] @ columns[-1]
-    products[-1, :-1] = products[:-1, -1]
-    return products
-
-
-def _average(response: tuple[Real, Real, Real], spread: Real, tau: float) -> None:
-    """Take the response at the mean time of some readings to the mean of their responses.
-
-    The mean of an exponential over times of variance v is (1 + v/(2 tau^2)) times its value at
-    their mean.
-    """
-    x, d_tau, d_theta = response
-    more = spread * (1 / (2 * tau**2))
-    x += tau * more * d_theta
-    more += 1.0
-    d_tau *= more
-    d_theta *= more
+        if first == 0:
+            np.matmul(weighted[:-1], columns.T, out=products[:-1])
+            square = weighted[-1] @ columns[-1]
+        else:
+            products[:-1] += weighted[:-1] @ columns.T
+            square += weighted[-1] @ columns[-1]
+    products[-1, :-1], products[-1, -1] = products[:-1, -1], square
+    return products, slopes
 
 
 def _solve(matrix: Real, right: Real) -> Real:
     _, found, failed = dposv(matrix, right)
     return inverse(matrix) @ right if failed else np.asarray(found)
+
+
+@cache
+def _identity(size: int) -> Real:
+    return np.eye(size)
 
 
 def inverse(matrix: Real) -> Real:
@@ -185,7 +191,7 @@ def inverse(matrix: Real) -> Real:
     matrix : ndarray, shape (p, p)
         Symmetric, not negative.
     """
-    identity = np.eye(len(matrix))
+    identity = _identity(len(matrix))
     _, found, failed = dposv(matrix, identity)
     if not failed:
         return np.asarray(found)
@@ -226,12 +232,14 @@ def descend(problem: Problem, tau: float, theta: float, close: float) -> tuple[P
         size = max(abs(float(step[-2])), abs(float(step[-1])) / point.tau)
         error, least = max(errors), min(errors)
         enough = size * (size + 3 * error) <= SMALL_ERROR * least and size <= SMALL_STEP * least
-        if enough or size <= max(close, ROUNDING):
+        gain = float(point.gradient @ step)
+        flat = FLAT * (point.sse - gain) / freedom
+        if enough or size <= max(close, ROUNDING) or (gain < flat and not damping):
             break
         trial = evaluate(problem, *moved(problem, point, step))
         if trial.sse <= point.sse:
             point, damping = trial, damping / 10 if damping > 1e-6 else 0.0
-        elif trial.sse - point.sse < FLAT * point.sse / freedom:
+        elif trial.sse - point.sse < flat:
             step = np.zeros_like(step)
             break
         elif damping < 1e8:

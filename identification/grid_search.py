@@ -17,6 +17,9 @@ from loop.signals import Real
 TAU_RATIO, THETA_RATIO, MOST_STARTS = 3.0, 2.0, 8
 # Values for each move that the grid looks at.
 VALUES = 25
+# A grid wider than this many tau is searched once more, every half tau and at these parts of tau.
+WIDE, MOST_BETWEEN = 1.0, 60
+CLOSER = np.array([0.4, 0.6, 1.0, 1.6])
 
 
 def search(problem: Problem, spacing: float) -> list[tuple[float, float]]:
@@ -35,35 +38,68 @@ def search(problem: Problem, spacing: float) -> list[tuple[float, float]]:
     bounds, held = problem.bounds, problem.held
     taus = _geometric(spacing, bounds.slowest / 10, TAU_RATIO)
     thetas = _dead_times(problem, spacing)
-    t, y, weight = _merged(problem)
-    root = np.sqrt(weight)
-    q = _fixed_columns(problem, t, taus, root)
-    y *= root
-    fixed = np.swapaxes(q, 1, 2) @ y[:, None]
-    rest = y[:, None] - q @ fixed
-    x = _responses(held, t, taus, thetas)
-    onto = np.concatenate((q, rest), axis=2) * root[:, None]
-    inner = _each(x, onto)
-    x *= x
-    size = _each(x, weight[None, :, None])[..., 0]
-    # What a response adds to the fixed columns, and what of the data both explain. A response that
-    # they nearly contain tells nothing, its own part is rounding.
-    own = size - np.sum(inner[..., :-1] ** 2, axis=2)
-    score = np.where(own > 1e-9 * size, inner[..., -1] ** 2 / np.maximum(own, 1e-300), -1.0)
-    score += np.sum(fixed**2, axis=(1, 2))[:, None]  # a start differs from tau to tau
-    if held.moves == 1:
-        peaks = [int(np.argmax(score))]
-    else:
+    merged = _merged(problem)
+    score = _scores(problem, merged, taus, thetas)
+    if held.moves > 1:
         found = np.flatnonzero(score == maximum_filter(score, 3))
         peaks = found[np.argsort(-score.flat[found])][:MOST_STARTS].tolist()
-    return [(float(taus[i // thetas.size]), float(thetas[i % thetas.size])) for i in peaks]
+        return [(float(taus[i // thetas.size]), float(thetas[i % thetas.size])) for i in peaks]
+    i, j = divmod(int(score.argmax()), thetas.size)
+    tau, around = float(taus[i]), thetas[max(j - 1, 0) : j + 2]
+    meshes = float(around[-1] - around[0]) / tau
+    if meshes > WIDE:
+        # A long dead time: between its neighbours in the grid there is room for other valleys.
+        taus = tau * CLOSER
+        thetas = np.linspace(around[0], around[-1], min(math.ceil(2 * meshes), MOST_BETWEEN))
+        i, j = divmod(int(_scores(problem, merged, taus, thetas).argmax()), thetas.size)
+        return [(float(taus[i]), float(thetas[j]))]
+    return [(tau, _summit(thetas, score[i], j))]
 
 
-def _each(x: Real, columns: Real) -> Real:
+def _summit(x: Real, y: Real, at: int) -> float:
+    """Where the parabola through the highest point and its neighbours is highest."""
+    if not 0 < at < x.size - 1:
+        return float(x[at])
+    left, middle, right = x[at - 1 : at + 2].tolist()
+    low, high, end = y[at - 1 : at + 2].tolist()
+    before, after = (high - low) / (middle - left), (end - high) / (right - middle)
+    if min(low, end) < 0 or not before > after:
+        return float(middle)
+    return float(0.5 * (left + middle) + 0.5 * before * (right - left) / (before - after))
+
+
+def _scores(problem: Problem, merged: tuple[Real, Real, Real], taus: Real, thetas: Real) -> Real:
+    """Sum of squares that each response explains beside the rest, shape (taus, thetas)."""
+    t, y, weight = merged
+    root = np.sqrt(weight)
+    q = _fixed_columns(problem, t, taus, root)
+    weighted = y * root
+    fixed = q @ weighted
+    columns = np.empty((len(q), q.shape[1] + 1, t.size))
+    columns[:, :-1] = q
+    columns[:, -1] = weighted - (fixed[:, None] @ q)[:, 0]
+    columns *= root
+    x = _responses(problem.held, t, taus, thetas)
+    inner = _onto(x, columns)
+    x *= x
+    size = x @ weight
+    # What a response adds to the fixed columns, and what of the data both explain. A response that
+    # they nearly contain tells nothing, its own part is rounding.
+    inner *= inner
+    own = size - inner[..., :-1].sum(axis=2)
+    size *= 1e-9
+    size += 1e-300
+    score = np.where(own > size, inner[..., -1] / np.maximum(own, size), -1.0)
+    if problem.start:  # which differs from tau to tau
+        score += (fixed * fixed).sum(axis=1)[:, None]
+    return score
+
+
+def _onto(x: Real, columns: Real) -> Real:
     """Inner products of all responses with columns that all taus share or that differ by tau."""
     if len(columns) > 1:
-        return np.asarray(x @ columns)
-    flat = x.reshape(-1, x.shape[2]) @ columns[0]
+        return np.asarray(x @ np.swapaxes(columns, 1, 2))
+    flat = x.reshape(-1, x.shape[2]) @ columns[0].T
     return np.asarray(flat.reshape(*x.shape[:2], -1))
 
 
@@ -76,7 +112,9 @@ def _dead_times(problem: Problem, spacing: float) -> Real:
         grid.append(-_geometric(spacing, -bounds.earliest, THETA_RATIO))
     if problem.held.moves > 3:  # periodic moves leave local minima between wide points
         grid.append(np.linspace(0, bounds.latest, 60)[1:])
-    return np.sort(np.concatenate(grid))
+    thetas = np.concatenate(grid)
+    thetas.sort()
+    return thetas
 
 
 def _merged(problem: Problem) -> tuple[Real, Real, Real]:
@@ -103,8 +141,9 @@ def _geometric(first: float, last: float, ratio: float) -> Real:
 def _responses(held: HeldInput, t: Real, taus: Real, thetas: Real) -> Real:
     """Responses for every tau and theta, shape (taus, thetas, samples). [OP]"""
     if held.moves == 1:
-        age = np.maximum(t - held.instants[0] - thetas[:, None], 0.0)
-        x = age * (-1 / taus)[:, None, None]
+        ages = np.subtract.outer(-held.instants[0] - thetas, -t)
+        np.maximum(ages, 0.0, out=ages)
+        x = np.multiply.outer(-1 / taus, ages)
         np.maximum(x, -LONGEST, out=x)
         np.exp(x, out=x)
         x -= 1.0
@@ -132,19 +171,19 @@ def _states(held: HeldInput, taus: Real) -> Real:
 
 
 def _fixed_columns(problem: Problem, t: Real, taus: Real, root: Real) -> Real:
-    """Orthonormal basis of everything but the response, shape (taus or 1, samples, columns)."""
+    """Orthonormal basis of everything but the response, shape (taus or 1, columns, samples)."""
     since = t - problem.t0
     if not problem.start:  # two columns that are orthogonal once the second has no mean
-        q = np.empty((1, t.size, 1 + problem.drift))
-        q[0, :, 0] = root / math.sqrt(root @ root)
+        q = np.empty((1, 1 + problem.drift, t.size))
+        level = np.multiply(root, 1 / math.sqrt(root @ root), out=q[0, 0])
         if problem.drift:
-            q[0, :, 1] = root * since
-            q[0, :, 1] -= (q[0, :, 0] @ q[0, :, 1]) * q[0, :, 0]
-            q[0, :, 1] /= math.sqrt(q[0, :, 1] @ q[0, :, 1])
+            since *= root
+            since -= (level @ since) * level
+            np.multiply(since, 1 / math.sqrt(since @ since), out=q[0, 1])
         return q
     columns: list[Real] = [np.ones((1, t.size))]
     if problem.drift:
         columns.append(since[None, :])
     columns.append(np.exp(-np.minimum(since / taus[:, None], LONGEST)))
     stacked = np.stack(np.broadcast_arrays(*columns), axis=2) * root[:, None]
-    return np.asarray(np.linalg.qr(stacked)[0])
+    return np.asarray(np.swapaxes(np.linalg.qr(stacked)[0], 1, 2))

@@ -124,6 +124,7 @@ def lag_response(
     theta: float,
     *,
     states: tuple[Real, Real] | None = None,
+    spread: Real | None = None,
     out: tuple[Real, Real, Real] | None = None,
 ) -> tuple[Real, Real, Real]:
     """Answer a held input with the lag e^(-theta s)/(tau s + 1), exactly.
@@ -142,6 +143,10 @@ def lag_response(
         Dead time; a negative one lets the answer precede the move. [s]
     states : tuple of ndarray, optional
         `lag_states(held, tau)`, where it is at hand.
+    spread : ndarray, shape (n,), optional
+        Variance of the times of some readings about each time; the answer is then their mean. The
+        mean of an exponential over times of variance v is (1 + v/(2 tau^2)) times its value at
+        their mean. [s^2]
     out : tuple of three ndarrays, shape (n,), optional
         Where to put the answer.
 
@@ -151,15 +156,28 @@ def lag_response(
         The answer as a deviation from the level before the first move [OP], and its derivatives
         with respect to tau and theta [OP/s].
     """
-    z, dz = states or lag_states(held, tau)
     x, d_tau, d_theta = out or (np.empty(t.size), np.empty(t.size), np.empty(t.size))
+    widened = None
+    if spread is not None:
+        widened = spread * (0.5 / (tau * tau))
+        widened += 1.0
+    if held.moves == 1:  # the commonest by far
+        arrival, jump = float(held.instants[0]) + theta, float(held.levels[1] - held.levels[0])
+        cut = int(t.searchsorted(arrival))
+        x[:cut] = d_tau[:cut] = d_theta[:cut] = 0.0
+        if cut < t.size:
+            more = None if widened is None else widened[cut:]
+            part = (x[cut:], d_tau[cut:], d_theta[cut:])
+            _decay(t[cut:], arrival, tau, (-jump, 0.0, jump), more, part)
+        return x, d_tau, d_theta
+    z, dz = states or lag_states(held, tau)
+    levels = held.levels - held.levels[0]
     arrivals = held.instants + theta
     # The moves that each sample can follow, from the first to the last.
     first = int(arrivals.searchsorted(t[0], side="right"))
     last = int(arrivals.searchsorted(t[-1], side="right"))
     edges = [0, *t.searchsorted(arrivals[first:last]).tolist(), t.size]
     if last - first < FEW:
-        levels = held.levels - held.levels[0]
         for k, (a, b) in enumerate(pairwise(edges), start=first):
             part = (x[a:b], d_tau[a:b], d_theta[a:b])
             if a == b:
@@ -168,12 +186,15 @@ def lag_response(
                 for values in part:
                     values.fill(0.0)
             else:
-                _decay(t[a:b], arrivals[k - 1], tau, (z[k], dz[k], levels[k]), part)
+                state = (float(z[k]), float(dz[k]), float(levels[k]))
+                more = None if widened is None else widened[a:b]
+                _decay(t[a:b], float(arrivals[k - 1]), tau, state, more, part)
     else:
         behind = np.repeat(np.arange(first, last + 1), np.diff(edges))
         origin = arrivals[np.maximum(behind - 1, 0)]
-        state = (z[behind], dz[behind], (held.levels - held.levels[0])[behind])
-        _decay(t, origin, tau, state, (x, d_tau, d_theta))
+        _decay(
+            t, origin, tau, (z[behind], dz[behind], levels[behind]), widened, (x, d_tau, d_theta)
+        )
     return x, d_tau, d_theta
 
 
@@ -181,24 +202,28 @@ def _decay(
     t: Real,
     origin: Real | float,
     tau: float,
-    state: tuple[Real, Real, Real],
+    state: tuple[Real | float, Real | float, Real | float],
+    widened: Real | None,
     out: tuple[Real, Real, Real],
 ) -> None:
     """Exponentials from distance, its derivative and the level aimed at, at their origins."""
     x, d_tau, d_theta = out
     z, dz, level = state
+    rate = 1 / tau
     np.subtract(origin, t, out=x)
-    x *= 1 / tau
+    x *= rate
     if isinstance(origin, np.ndarray) or x[-1] < -LONGEST:
         # Where nothing has arrived yet z is 0, whatever the age.
         np.clip(x, -LONGEST, 0.0, out=x)
     np.exp(x, out=d_theta)
+    if widened is not None:
+        d_theta *= widened
     if isinstance(dz, np.ndarray) or dz != 0:
         np.multiply(d_theta, dz, out=d_tau)
-        d_theta *= z * (1 / tau)
+        d_theta *= z * rate
         d_tau -= x * d_theta
     else:
-        d_theta *= z * (1 / tau)
+        d_theta *= z * rate
         np.multiply(x, d_theta, out=d_tau)
         np.negative(d_tau, out=d_tau)
     np.multiply(d_theta, tau, out=x)

@@ -17,6 +17,7 @@ References
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -159,8 +160,9 @@ def fopdt_least_squares(
         There are too few samples, no move, or PV does not change.
     """
     parameters = 4 + drift + start
-    change = float(pv.max() - pv.min()) if t.size else 0.0
-    if t.size <= parameters or not held.moves or change == 0:
+    moved = t.size > 0 and bool(pv[-1] != pv[0] or (pv != pv[0]).any())
+    if t.size <= parameters or not held.moves or not moved:
+        change = float(np.ptp(pv)) if t.size else 0.0
         raise PoorExcitation(
             f"{t.size} samples with {held.moves} moves and a PV range of {change:.3g} cannot "
             f"carry {parameters} parameters."
@@ -212,18 +214,27 @@ def fopdt_least_squares(
 
 def _averages_do(fit: LeastSquaresFit, few: Samples) -> bool:
     """Whether a fit to averages is as good as one to all readings."""
-    if few.spread is None or few.weight is None or few.weight.mean() < WORTHWHILE:
+    if few.spread is None or few.weight is None:
         return False
-    noise, jumps = fit.noise_sd, np.abs(np.diff(fit.held.levels))
-    if noise < NOISY * abs(fit.K) * float(jumps.max()):
+    readings, noise, levels = (
+        fit.freedom + len(fit.covariance),
+        fit.noise_sd,
+        fit.held.levels.tolist(),
+    )
+    jumps = [abs(after - before) for before, after in pairwise(levels)]
+    if readings < WORTHWHILE * few.t.size or noise < NOISY * abs(fit.K) * max(jumps):
+        return False
+    if fit.start_fitted and 12 * float(few.spread[0]) > (NARROW * fit.tau) ** 2:
         return False
     # A corner in the middle of an average of width w is off by its jump times w/(8 tau).
-    at = np.minimum(few.t.searchsorted(fit.held.instants + fit.theta), few.t.size - 1)
-    width = np.sqrt(12 * few.spread)
-    if np.max(width[at]) > NARROW * fit.tau or (fit.start_fitted and width[0] > NARROW * fit.tau):
-        return False
-    off = abs(fit.K) * jumps * width[at] / (8 * fit.tau)
-    return bool(np.all(off * np.sqrt(few.weight[at]) < SHARP * noise))
+    off = abs(fit.K) / (8 * fit.tau)
+    for jump, instant in zip(jumps, fit.held.instants.tolist(), strict=True):
+        at = min(int(few.t.searchsorted(instant + fit.theta)), few.t.size - 1)
+        width = math.sqrt(12 * float(few.spread[at]))
+        sharp = jump * off * width * math.sqrt(float(few.weight[at])) < SHARP * noise
+        if width > NARROW * fit.tau or not sharp:
+            return False
+    return True
 
 
 def _result(
@@ -239,7 +250,7 @@ def _result(
     K, drift = float(linear[0]), float(linear[2]) if problem.drift else 0.0
     sse = point.sse - float(point.gradient @ step) + scatter
     if problem.spread is not None and problem.weight is not None:
-        slope = drift - K * lag_response(problem.held, problem.t, tau, theta)[2]
+        slope = drift - K * np.concatenate(point.slopes)
         if problem.start:
             slope -= linear[-1] / tau * np.exp(-(problem.t - problem.t0) / tau)
         sse -= float((problem.weight * problem.spread) @ slope**2)
