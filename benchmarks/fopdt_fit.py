@@ -19,6 +19,8 @@ from identification.least_squares import fopdt_least_squares
 Fit: TypeAlias = tuple[float, ...]
 Fitter: TypeAlias = Callable[[StepTest], Fit]
 SIZES = (200, 2_000, 20_000)
+# What a fit may take. [ms]
+MOST_TIME = {200: 0.3, 2_000: 0.4, 20_000: 0.6}
 SEEDS = 50
 # Off the truth by these factors, as an engineer's eye would be.
 GOOD_START = (0.8, 1.25, 0.8)
@@ -143,6 +145,15 @@ def run() -> Section:
             timing = timings[name]
             time = f"{duration(timing.median)} ({duration(timing.best)})"
             rows.append((f"{n:,}", name, time, f"{distance(test, fit):.3f}", failed))
+        targets += [
+            Target(
+                what=f"{n:,} samples{kind}, shortest time",
+                limit=MOST_TIME[n],
+                reached=1e3 * timings[f"Loopwright{kind}"].best,
+                unit="ms",
+            )
+            for kind in ("", ", no drift")
+        ]
         if n == SIZES[-1]:
             targets += [
                 Target(

@@ -14,9 +14,10 @@ Loopwright beside its peers, measured in one run by `make bench` and written by 
 `python -m benchmarks --list` names the benchmarks, `python -m benchmarks margins` runs one.
 
 All run on one thread (OMP_NUM_THREADS=1) unless a table says otherwise. The ways to do the same
-work take turns, round after round, so that whatever else the machine does hits all alike. Times
-are processor time (on an idle machine the same as wall time), the median of the rounds with the
-shortest in brackets; through HTTP they are wall time. A load above the number of cores says that
+work take turns, round after round, so that whatever else the machine does hits all alike; work
+under 20 ms is warmed up by one call in every round. Times are processor time (on an idle machine
+the same as wall time), the median of the rounds with the shortest in brackets; through HTTP they
+are wall time. A load above the number of cores says that
 other programs ran meanwhile: caches and memory are then shared, and all times are longer. Every
 answer is checked, the error is printed beside the time. Where a peer cannot do the same work, it
 is given the nearest work that it can do, and a note says what is missing. Differences under 20 %
