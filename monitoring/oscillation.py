@@ -8,13 +8,15 @@ cycles in a row. Its band and its harmonics are then left out and the next one i
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 
-from loop.autoregression import autocovariance
 from loop.signals import Flags, Real
 from monitoring.basis import Basis, Setting, graded, refusal
-from monitoring.spectrum import BandFilter, Spectra, segment_spectra
+from monitoring.bursts import BURST, BurstSearch
+from monitoring.regularity import acf_regularity, band_wave
+from monitoring.spectrum import BandFilter, band_pass
 
 FEWEST_CYCLES = 6
 FEWEST_SAMPLES = 64
@@ -22,10 +24,6 @@ SHORTEST_PERIOD = 4.0
 # Below this many samples a cycle, the waveform and its amplitude are only guessed.
 COARSE_PERIOD = 8.0
 BAND = 2**0.4
-# Samples a period from which crossings and activity are read; a longer period is thinned to it.
-POINTS = 48
-SEGMENT_RATIO = 4
-SHORTEST_SEGMENT = 96
 MOST_OSCILLATIONS = 3
 PERSISTENT_SHARE = 0.6
 
@@ -56,7 +54,7 @@ class Limits:
 
 
 WHOLE = Limits(score=7.0, regularity=6.0, lasting=0.5, share=0.3, cycles=4.5)
-SEGMENT = Limits(score=30.0, regularity=10.0, lasting=0.75, share=0.4, cycles=5.5)
+CLEAR = Limits(score=BURST.score, regularity=10.0, lasting=0.75, share=0.4, cycles=5.5)
 
 
 class OscillationVerdict(StrEnum):
@@ -166,10 +164,15 @@ def oscillation(
             verdict=OscillationVerdict.NONE, components=(),
             basis=graded(share, (why,), settings=_settings()),
         )  # fmt: skip
-    found: list[OscillationComponent] = []
     seen = _Seen(error)
+    found: list[OscillationComponent] = []
     while len(found) < MOST_OSCILLATIONS:
-        component = _strongest(seen, dt, found, segments=segments)
+        component = _of_whole(seen, dt, found)
+        if component is None:
+            break
+        found.append(component)
+    while segments and len(found) < MOST_OSCILLATIONS:
+        component = _of_part(seen, dt, found)
         if component is None:
             break
         found.append(component)
@@ -199,14 +202,16 @@ def _undecided(why: str, share: float) -> Oscillation:
 def _settings() -> tuple[Setting, ...]:
     return (
         ("score, whole record", WHOLE.score),
-        ("score, segment", SEGMENT.score),
+        ("score, part", BURST.score),
         ("regularity, whole record", WHOLE.regularity),
-        ("regularity, segment", SEGMENT.regularity),
+        ("regularity, clear part", CLEAR.regularity),
         ("lasting autocorrelation, whole record", WHOLE.lasting),
-        ("lasting autocorrelation, segment", SEGMENT.lasting),
+        ("lasting autocorrelation, clear part", CLEAR.lasting),
         ("share of the variance, whole record", WHOLE.share),
-        ("share of the variance, segment", SEGMENT.share),
-        ("cycles in a row, segment", SEGMENT.cycles),
+        ("share of the variance, clear part", CLEAR.share),
+        ("share of the variance, faint part", BURST.share),
+        ("cycles in a row, clear part", CLEAR.cycles),
+        ("cycles in a row, faint part", BURST.cycles),
         ("half-width of the band, octaves", float(np.log2(BAND))),
         ("shortest period, samples", SHORTEST_PERIOD),
     )
@@ -217,75 +222,92 @@ class _Seen:
 
     def __init__(self, error: Real) -> None:
         self.error = error
-        self._filter: BandFilter | None = None
-        self._spectra: dict[int, Spectra] = {}
+        self.filter = BandFilter.of(error)
+        self.lines = self.filter.lines(fewest_cycles=FEWEST_CYCLES, shortest=SHORTEST_PERIOD)
 
-    @property
-    def filter(self) -> BandFilter:
-        if self._filter is None:
-            self._filter = BandFilter.of(self.error)
-        return self._filter
-
-    def spectra(self, length: int) -> Spectra:
-        if length not in self._spectra:
-            self._spectra[length] = segment_spectra(
-                self.error, length, fewest_cycles=FEWEST_CYCLES, shortest=SHORTEST_PERIOD
-            )
-        return self._spectra[length]
+    @cached_property
+    def bursts(self) -> BurstSearch:
+        return BurstSearch(self.filter)
 
 
-def _strongest(
-    seen: _Seen, dt: float, found: list[OscillationComponent], *, segments: bool
+def _of_whole(
+    seen: _Seen, dt: float, found: list[OscillationComponent]
 ) -> OscillationComponent | None:
-    """Candidates of the whole record first, then of shorter and shorter segments."""
-    length, limits = seen.error.size, WHOLE
-    while length >= SHORTEST_SEGMENT or length == seen.error.size:
-        component = _confirmed(seen, seen.spectra(length), dt, limits, found)
-        if component is not None or not segments:
-            return component
-        length, limits = length // SEGMENT_RATIO, SEGMENT
-    return None
-
-
-def _confirmed(
-    seen: _Seen,
-    spectra: Spectra,
-    dt: float,
-    limits: Limits,
-    found: list[OscillationComponent],
-) -> OscillationComponent | None:
-    """Try the highest line and, in the whole record, two more."""
-    scores = spectra.scores.copy()
-    scores[:, _belonging(spectra, dt, found)] = 0.0
+    """Try the highest line of the whole record and two more."""
+    lines = seen.lines
+    columns = np.flatnonzero(lines.scores >= WHOLE.score)
+    scores = lines.scores[columns]
+    scores[_belonging(lines.length / (lines.first + columns), lines.length, dt, found)] = 0.0
     # A weaker oscillation is to be a fair part of what the stronger ones leave.
     rest = max(1 - sum(component.share for component in found), 0.0)
-    for _ in range(3 if scores.shape[0] == 1 else 1):
-        row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
-        score = float(scores[row, column])
-        if score < limits.score:
+    for _ in range(3):
+        best = int(np.argmax(scores)) if scores.size else 0
+        if not scores.size or scores[best] < WHOLE.score:
             return None
-        period = spectra.length / (spectra.first + int(column))
-        first = spectra.starts[int(row)]
+        period = lines.length / (lines.first + int(columns[best]))
         # The share told by the spectrum is cheap; a candidate far below its limit is not filtered.
-        if spectra.share(int(row), period, BAND) >= 0.7 * limits.share * rest:
+        if lines.share(period, BAND) >= 0.7 * WHOLE.share * rest:
             component = _component(
-                seen, period, (first, first + spectra.length), dt=dt, score=score, limits=limits,
+                seen, period, (0, seen.error.size), dt=dt, score=float(scores[best]), limits=WHOLE,
                 rest=rest,
             )  # fmt: skip
             if component is not None:
                 return component
-        scores[row, max(int(column) - 2, 0) : int(column) + 3] = 0.0
+        scores[np.abs(columns - columns[best]) <= 2] = 0.0
     return None
 
 
-def _belonging(spectra: Spectra, dt: float, found: list[OscillationComponent]) -> Flags:
-    """Columns in the band of an oscillation that was found, or at its harmonics."""
-    cycles = spectra.first + np.arange(spectra.scores.shape[1])
-    belongs = np.zeros(cycles.size, dtype=np.bool_)
+def _of_part(
+    seen: _Seen, dt: float, found: list[OscillationComponent]
+) -> OscillationComponent | None:
+    """Find the strongest tone that a part of the record holds.
+
+    One that is clear in the band around it may be irregular and last longer than the tone that
+    was fitted; of a faint one only the fitted part is known.
+    """
+    burst = seen.bursts.strongest(lambda periods, samples: _belonging(periods, samples, dt, found))
+    if burst is None:
+        return None
+    n = seen.error.size
+    region = (int(burst.start), min(int(np.ceil(burst.end)), n))
+    if burst.share >= 0.7 * CLEAR.share:
+        clear = _component(
+            seen, burst.period, region, dt=dt, score=burst.score, limits=CLEAR, rest=1.0
+        )
+        if clear is not None:
+            return clear
+    margin = int(3 * burst.period)
+    near = slice(max(region[0] - margin, 0), region[1] + margin)
+    wave = band_pass(seen.error[near], burst.period, width=BAND)
+    wave = wave[region[0] - near.start :][: region[1] - region[0]]
+    _, regularity, lasting = acf_regularity(wave, burst.period)
+    return OscillationComponent(
+        period=burst.period * dt,
+        amplitude=burst.amplitude,
+        regularity=regularity,
+        decay_ratio=lasting,
+        score=burst.score,
+        share=float(np.var(wave) / np.var(seen.error[slice(*region)])),
+        start=burst.start * dt,
+        end=burst.end * dt,
+        cycles=burst.cycles,
+        persistent=burst.end - burst.start >= PERSISTENT_SHARE * n,
+    )
+
+
+def _belonging(
+    periods: Real, samples: float, dt: float, found: list[OscillationComponent]
+) -> Flags:
+    """Periods [samples] in the band of an oscillation that was found, or at its harmonics.
+
+    A harmonic is told as exactly as so many samples tell periods.
+    """
+    belongs = np.zeros(periods.size, dtype=np.bool_)
     for component in found:
-        order = cycles * component.period / dt / spectra.length
+        order = component.period / dt / periods
         belongs |= np.abs(np.log(order)) <= 2 * np.log(BAND)
-        belongs |= (order > 1) & (np.abs(order - np.round(order)) < 0.03 * order + 1.5 / cycles)
+        blur = 0.03 * order + 1.5 * periods / samples
+        belongs |= (order > 1) & (np.abs(order - np.round(order)) < blur)
     return belongs
 
 
@@ -300,21 +322,22 @@ def _component(
     rest: float,
 ) -> OscillationComponent | None:
     """Filter to the band and hold the oscillation to its limits; period in samples."""
-    wave, step = seen.filter.thinned(period, width=BAND, points=POINTS)
+    wave = band_wave(seen.filter, period, width=BAND)
+    step = wave.step
     start, stop = int(region[0] / step), int(np.ceil(region[1] / step))
     variance = float(np.var(seen.error[slice(*region)]))
-    share = float(np.var(wave[start:stop])) / variance if variance > 0 else 0.0
+    share = float(np.mean(wave.square[start:stop])) / variance if variance > 0 else 0.0
     if share < limits.share * rest:
         return None
-    mean_period, regularity, lasting = acf_regularity(wave[start:stop], period / step)
+    mean_period, regularity, lasting = wave.regularity(start, stop)
     if regularity < limits.regularity or lasting < limits.lasting:
         return None
-    first, last, active, amplitude = _activity(wave, period / step, (start, stop))
+    first, last, active, amplitude = _activity(wave.square, period / step, (start, stop))
     if (last - first) * step / period < limits.cycles:
         return None
     end = min(last * step, float(seen.error.size))
     return OscillationComponent(
-        period=mean_period * step * dt,
+        period=mean_period * dt,
         amplitude=amplitude,
         regularity=regularity,
         decay_ratio=lasting,
@@ -322,46 +345,14 @@ def _component(
         share=share,
         start=first * step * dt,
         end=end * dt,
-        cycles=(end - first * step) / (mean_period * step),
+        cycles=(end - first * step) / mean_period,
         persistent=active >= PERSISTENT_SHARE,
     )
 
 
-def acf_regularity(wave: Real, period: float) -> tuple[float, float, float]:
-    """Period, regularity and what lasts of the autocorrelation of a filtered signal.
-
-    r = Tp/(3 sigma), Tp = 2 mean, sigma = 2 sd of the first ten distances between crossings of 0.
-
-    Parameters
-    ----------
-    wave : ndarray, shape (n,)
-        Signal filtered to one band.
-    period : float
-        Expected period. [samples]
-
-    Returns
-    -------
-    period, regularity, lasting : float
-        Period [samples], r [-], largest |autocorrelation| from 2.5 to 5 periods [-].
-    """
-    lags = max(min(int(6.5 * period), wave.size - 2), 1)
-    covariance = autocovariance(wave, lags)
-    if not covariance[0] > 0:
-        return period, 0.0, 0.0
-    rho = covariance / covariance[0] / (1 - np.arange(lags + 1) / wave.size)
-    turns = np.flatnonzero((rho[1:] > 0) != (rho[:-1] > 0))
-    crossings = turns + rho[turns] / (rho[turns] - rho[turns + 1])
-    distances = np.diff(crossings[:11])
-    tail = np.abs(rho[min(int(2.5 * period), lags) : int(5 * period) + 1])
-    lasting = float(min(np.max(tail, initial=0.0), 1.0))
-    if distances.size < 4:
-        return period, 0.0, lasting
-    mean, spread = float(np.mean(distances)), float(np.std(distances))
-    # A sampled autocorrelation is never more regular than its crossings can be read.
-    return 2 * mean, mean / (3 * max(spread, 1e-3 * mean)), lasting
-
-
-def _activity(wave: Real, period: float, region: tuple[int, int]) -> tuple[int, int, float, float]:
+def _activity(
+    square: Real, period: float, region: tuple[int, int]
+) -> tuple[int, int, float, float]:
     """First and one past the last sample of the longest active run, active part, amplitude.
 
     A window of one period is active where its mean square reaches a quarter of the region's 90 %
@@ -369,7 +360,7 @@ def _activity(wave: Real, period: float, region: tuple[int, int]) -> tuple[int, 
     record: noise may break the run of a wave that never stops.
     """
     window = max(round(period), 2)
-    sums = np.cumsum(np.r_[0.0, wave * wave])
+    sums = np.cumsum(np.r_[0.0, square])
     power = np.maximum(sums[window:] - sums[:-window], 0.0) / window
     there = power[region[0] : max(region[1] - window, region[0] + 1)]
     active = power >= 0.25 * float(np.quantile(there, 0.9))
@@ -382,5 +373,5 @@ def _activity(wave: Real, period: float, region: tuple[int, int]) -> tuple[int, 
     first, last = int(starts[best]), int(ends[best]) + window
     if part >= PERSISTENT_SHARE:
         first, last = int(starts[0]), int(ends[-1]) + window
-    amplitude = float(np.sqrt(2 * np.mean(wave[first:last] ** 2)))
+    amplitude = float(np.sqrt(2 * np.mean(square[first:last])))
     return first, last, part, amplitude

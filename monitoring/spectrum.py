@@ -22,63 +22,32 @@ MEDIAN_OF_EXPONENTIAL = float(np.log(2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spectra:
-    """Spectra of overlapping segments over their smooth floors.
+class Lines:
+    """The spectrum of a signal over its smooth floor.
 
     Attributes
     ----------
     length : int
-        Length of a segment. [samples]
-    starts : tuple of int
-        First samples of the segments.
+        Length of the transform. [samples]
     first : int
-        Cycles a segment of the first column.
-    scores : ndarray, shape (m, k)
+        Cycles of the first score.
+    scores : ndarray, shape (k,)
         Power over floor, about exponential with mean 1 for noise with a smooth spectrum. [-]
-    power : ndarray, shape (m, length // 2 + 1)
-        Power at 0, 1, 2 ... cycles a segment.
+    power : ndarray, shape (length // 2 + 1,)
+        Power at 0, 1, 2 ... cycles.
     """
 
     length: int
-    starts: tuple[int, ...]
     first: int
     scores: Real
     power: Real
 
-    def share(self, row: int, period: float, width: float) -> float:
-        """Part of a segment's power within the band that `band_pass` keeps."""
+    def share(self, period: float, width: float) -> float:
+        """Part of the power within the band that `band_pass` keeps."""
         middle = self.length / period
-        whole = float(np.sum(self.power[row]))
+        whole = float(np.sum(self.power))
         part = slice(int(middle / width**2), int(np.ceil(middle * width**2)) + 1)
-        return float(np.sum(self.power[row, part])) / whole if whole > 0 else 0.0
-
-
-def segment_spectra(signal: Real, length: int, *, fewest_cycles: int, shortest: float) -> Spectra:
-    """Compare the spectra of half-overlapping Hann segments with their smooth floors.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        Evenly sampled signal without gaps.
-    length : int
-        Length of a segment, at most n. [samples]
-    fewest_cycles : int
-        Lowest frequency that is judged. [cycles a segment]
-    shortest : float
-        Shortest period that is judged. [samples]
-    """
-    count = max(round(2 * signal.size / length) - 1, 1)
-    starts = np.round(np.linspace(0, signal.size - length, count)).astype(np.int64)
-    rows = np.lib.stride_tricks.sliding_window_view(signal, length)[starts]
-    power = _power(rows)
-    last = max(int(length / shortest), fewest_cycles)
-    return Spectra(
-        length=length,
-        starts=tuple(starts.tolist()),
-        first=fewest_cycles,
-        scores=power[:, fewest_cycles : last + 1] / _floor(power, fewest_cycles, last),
-        power=power,
-    )
+        return float(np.sum(self.power[part])) / whole if whole > 0 else 0.0
 
 
 def power_spectrum(signal: Real) -> Real:
@@ -114,41 +83,67 @@ def _without_line(rows: Real) -> Real:
     return np.asarray(rows - rows.mean(axis=1, keepdims=True) - slopes[:, None] * way)
 
 
-def _floor(power: Real, first: int, last: int) -> Real:
-    """Smooth spectrum at the bins first..last, from the bands on either side of each bin's own.
+def smooth_floor(power: Real, *, apart: int = 1) -> Real:
+    """Smooth spectrum at every bin, from the bands on either side of the bin's own.
 
     The geometric mean of two neighbours is exact for a power law; a line in the band itself does
     not lift its own floor.
+
+    Parameters
+    ----------
+    power : ndarray, shape (k,)
+        Power at 0, 1, 2 ... cycles.
+    apart : int
+        Distance of the neighbours. [bands]
     """
-    bins = power.shape[1]
-    edges = np.unique(np.round(2 ** np.arange(1, np.log2(bins) + 0.5 / BANDS, 1 / BANDS)))
-    edges = np.unique(np.minimum(edges, bins)).astype(np.int64)
-    levels = np.stack(
-        [
-            _medians(power[:, a : b : max((b - a) // ENOUGH_BINS, 1)])
-            for a, b in pairwise(edges.tolist())
-        ],
-        axis=1,
-    )
-    tiny = np.finfo(np.float64).tiny + 1e-12 * power[:, 1:].mean(axis=1, keepdims=True)
+    edges, widths = _bands(power.size)
+    levels = np.array([_median(power[a:b:step]) for a, b, step in edges])
+    tiny = np.finfo(np.float64).tiny + 1e-12 * float(power[1:].mean())
     logs = np.log(levels / MEDIAN_OF_EXPONENTIAL + tiny)
     # A line under the Hann window is three bins wide and would fill a narrow neighbour.
-    apart = np.where(np.diff(edges) < WIDE_BAND, 2, 1)
-    own = np.arange(logs.shape[1])
-    below = np.maximum(own - apart, 0)
-    above = np.minimum(own + apart, logs.shape[1] - 1)
-    floors = np.exp((logs[:, below] + logs[:, above]) / 2)
+    distance = np.where(widths < WIDE_BAND, 2, apart)
+    own = np.arange(logs.size)
+    below = np.maximum(own - distance, 0)
+    above = np.minimum(own + distance, logs.size - 1)
+    floors = np.exp((logs[below] + logs[above]) / 2)
     # Bins before the first edge and behind the last belong to the outermost bands.
-    inner = np.clip(edges[1:-1], first, last + 1)
-    return np.repeat(floors, np.diff(np.r_[first, inner, last + 1]), axis=1)
+    starts = np.array([0, *(a for a, _, _ in edges[1:]), power.size])
+    return np.repeat(floors, np.diff(starts))
 
 
-def _medians(rows: Real) -> Real:
-    """Median of every row; np.median spends most of its time on other things than short rows."""
-    count = rows.shape[1]
-    low, high = (count - 1) // 2, count // 2
-    parted = np.partition(rows, (low, high), axis=1)
-    return np.asarray((parted[:, low] + parted[:, high]) / 2)
+@lru_cache(maxsize=16)
+def _bands(bins: int) -> tuple[tuple[tuple[int, int, int], ...], Real]:
+    """First bin, one past the last and step of every band, and their widths. [bins]"""
+    edges = np.round(2 ** np.arange(1, np.log2(bins) + 0.5 / BANDS, 1 / BANDS))
+    edges = np.unique(np.minimum(edges, bins)).astype(np.int64)
+    pairs = pairwise(edges.tolist())
+    return tuple((a, b, max((b - a) // ENOUGH_BINS, 1)) for a, b in pairs), np.diff(edges)
+
+
+def _median(values: Real) -> float:
+    """Median; np.median spends most of its time on other things than short rows."""
+    low, high = (values.size - 1) // 2, values.size // 2
+    parted = np.partition(values, (low, high))
+    return float(parted[low] + parted[high]) / 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Envelope:
+    """A band as z(k) of wave(k) = Re(z(k) exp(2 pi i cycles k)).
+
+    Attributes
+    ----------
+    z : ndarray of complex, shape (m,)
+        Envelope.
+    step : float
+        Distance of its samples. [samples of the signal]
+    cycles : float
+        Cycles of the carrier a sample of z.
+    """
+
+    z: NDArray[np.complex128]
+    step: float
+    cycles: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -157,15 +152,15 @@ class BandFilter:
 
     Attributes
     ----------
-    n : int
-        Samples of the signal.
+    signal : ndarray, shape (n,)
+        The signal, mean and slope off.
     length : int
         Length of the transform, n or a little more. [samples]
     spectrum : ndarray of complex, shape (length // 2 + 1,)
         Transform of the signal.
     """
 
-    n: int
+    signal: Real
     length: int
     spectrum: NDArray[np.complex128]
 
@@ -173,8 +168,48 @@ class BandFilter:
     def of(cls, signal: Real) -> Self:
         """Transform an evenly sampled signal without gaps."""
         length = scipy.fft.next_fast_len(signal.size, real=True)
-        spectrum = scipy.fft.rfft(_without_line(signal[None])[0], length)
-        return cls(n=signal.size, length=length, spectrum=np.asarray(spectrum))
+        still = _without_line(signal[None])[0]
+        spectrum = scipy.fft.rfft(still, length)
+        return cls(signal=still, length=length, spectrum=np.asarray(spectrum))
+
+    @property
+    def n(self) -> int:
+        """Samples of the signal."""
+        return self.signal.size
+
+    def power(self) -> Real:
+        """Power under a Hann window as long as the transform, at 0, 1, 2 ... cycles.
+
+        The window is a sum of three lines, so that its product with the signal is a weighted sum
+        of three neighbours of the spectrum: no second transform.
+        """
+        X = self.spectrum
+        last = np.conj(X[-2 if self.length % 2 == 0 else -1])
+        windowed = 0.5 * X
+        windowed[1:] -= 0.25 * X[:-1]
+        windowed[:-1] -= 0.25 * X[1:]
+        windowed[0] -= 0.25 * np.conj(X[1])
+        windowed[-1] -= 0.25 * last
+        return np.asarray(windowed.real**2 + windowed.imag**2)
+
+    def lines(self, *, fewest_cycles: int, shortest: float) -> Lines:
+        """Compare the power with its smooth floor.
+
+        Parameters
+        ----------
+        fewest_cycles : int
+            Lowest frequency that is judged. [cycles]
+        shortest : float
+            Shortest period that is judged. [samples]
+        """
+        power = self.power()
+        judged = slice(fewest_cycles, max(int(self.length / shortest), fewest_cycles) + 1)
+        return Lines(
+            length=self.length,
+            first=fewest_cycles,
+            scores=power[judged] / smooth_floor(power)[judged],
+            power=power,
+        )
 
     def band(self, period: float, *, width: float) -> Real:
         """Keep the band from 1/width to width times 1/period, on the grid of the signal."""
@@ -196,17 +231,47 @@ class BandFilter:
         wave = self._wave(period, width, length) * (length / self.length)
         return wave[: int(np.ceil(self.n / step))], step
 
+    def envelope(self, period: float, *, width: float, points: float) -> Envelope:
+        """The same as a slow complex envelope of about `points` samples a period.
+
+        The band alone is transformed back, shifted to frequency zero: the cost follows the band.
+
+        Parameters
+        ----------
+        period : float
+            Centre of the band. [samples]
+        width : float
+            Upper over middle frequency, above 1. [-]
+        points : float
+            Samples a period, more than the band is wide, width^2 - 1/width^2. [-]
+        """
+        first, kept = self._band(period, width, self.spectrum.size)
+        length = scipy.fft.next_fast_len(max(int(points * self.length / period), kept.size) + 1)
+        centre = kept.size // 2
+        shifted = np.zeros(length, dtype=np.complex128)
+        shifted[: kept.size - centre] = kept[centre:]
+        shifted[-centre:] = kept[:centre]
+        step = self.length / length
+        z = np.asarray(scipy.fft.ifft(shifted)) * (2 / step)
+        return Envelope(
+            z=z[: int(np.ceil(self.n / step))], step=step,
+            cycles=(first + centre) * step / self.length,
+        )  # fmt: skip
+
     def _wave(self, period: float, width: float, length: int) -> Real:
+        first, band = self._band(period, width, length // 2 + 1)
+        kept = np.zeros(length // 2 + 1, dtype=np.complex128)
+        kept[first : first + band.size] = band
+        return np.asarray(scipy.fft.irfft(kept, length))
+
+    def _band(self, period: float, width: float, bins: int) -> tuple[int, NDArray[np.complex128]]:
+        """First bin of the band and its part of the spectrum, with soft edges."""
         middle = self.length / period
-        part = slice(
-            max(int(middle / width**2), 0), min(int(middle * width**2) + 2, length // 2 + 1)
-        )
-        cycles = np.maximum(np.arange(part.start, part.stop), 0.5)
+        first, stop = max(int(middle / width**2), 0), min(int(middle * width**2) + 2, bins)
+        cycles = np.maximum(np.arange(first, stop), 0.5)
         octaves = np.abs(np.log(cycles * period / self.length))
         gain = np.clip(2 - octaves / np.log(width), 0.0, 1.0)
-        kept = np.zeros(length // 2 + 1, dtype=np.complex128)
-        kept[part] = self.spectrum[part] * gain
-        return np.asarray(scipy.fft.irfft(kept, length))
+        return first, self.spectrum[first:stop] * gain
 
 
 def band_pass(signal: Real, period: float, *, width: float) -> Real:

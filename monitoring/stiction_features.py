@@ -8,7 +8,8 @@ from loop.signals import Real
 from monitoring.bicoherence import Bicoherence, bicoherence
 from monitoring.cross_correlation import CrossCorrelation, cross_correlation
 from monitoring.mean_cycle import MeanCycle, mean_cycle
-from monitoring.oscillation import Oscillation, acf_regularity
+from monitoring.oscillation import Oscillation
+from monitoring.regularity import acf_regularity
 from monitoring.sensor import noise_level
 from monitoring.spectrum import BANDS, band_pass, power_spectrum
 from monitoring.wave_shapes import (

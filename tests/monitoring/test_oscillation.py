@@ -7,8 +7,9 @@ from loop.signals import Real
 from monitoring.acf_decay import acf_decay
 from monitoring.basis import Confidence
 from monitoring.half_periods import half_periods
-from monitoring.oscillation import OscillationVerdict, acf_regularity, oscillation
-from monitoring.spectrum import BandFilter, band_pass, segment_spectra
+from monitoring.oscillation import OscillationVerdict, oscillation
+from monitoring.regularity import acf_regularity, envelope_regularity
+from monitoring.spectrum import BandFilter, band_pass, power_spectrum
 
 
 def wave(n: int, period: float, *, amplitude: float = 1.0, phase: float = 0.3) -> Real:
@@ -46,10 +47,10 @@ def test_the_answer_follows_the_units_of_time_and_of_pv() -> None:
     assert other.regularity == pytest.approx(one.regularity)
 
 
-def test_two_oscillations_at_once_are_both_found() -> None:
-    x = wave(3000, 30.0) + 1.2 * wave(3000, 211.0) + 0.3 * noise(3000)
+def test_three_oscillations_at_once_are_all_found() -> None:
+    x = 1.1 * wave(3000, 20.0) + 1.2 * wave(3000, 133.0) + wave(3000, 52.0) + 0.3 * noise(3000)
     periods = sorted(c.period for c in oscillation(x, 1.0).components)
-    assert periods == pytest.approx([30.0, 211.0], rel=0.02)
+    assert periods == pytest.approx([20.0, 52.0, 133.0], rel=0.02)
 
 
 def test_a_burst_is_intermittent_with_its_start_and_end() -> None:
@@ -122,17 +123,62 @@ def test_a_short_period_is_not_thinned() -> None:
     np.testing.assert_allclose(thin, band_pass(signal, 12.0, width=2**0.4), atol=1e-12)
 
 
+@pytest.mark.parametrize("n", [6000, 6007])
+def test_an_envelope_turned_by_its_carrier_is_the_band(n: int) -> None:
+    signal = noise(n, 3, 0.97) + wave(n, 40.0)
+    slow = BandFilter.of(signal).envelope(40.0, width=2**0.4, points=2.5)
+    k = np.arange(slow.z.size)
+    turned = (slow.z * np.exp(2j * np.pi * slow.cycles * k)).real
+    full = band_pass(signal, 40.0, width=2**0.4)
+    inside = k * slow.step <= n - 1
+    expected = np.interp((k * slow.step)[inside], np.arange(n), full)
+    assert np.max(np.abs(turned[inside] - expected)) < 0.01 * float(np.ptp(full))
+    half_square = float(np.mean(np.abs(slow.z) ** 2)) / 2
+    assert half_square == pytest.approx(float(np.mean(full**2)), rel=1e-3)
+
+
+@pytest.mark.parametrize("period", [9.0, 26.7])
+def test_the_regularity_of_an_envelope_is_that_of_the_wave(period: float) -> None:
+    signal = wave(20_000, period) + noise(20_000, 8, 0.8)
+    band = BandFilter.of(signal)
+    slow = band.envelope(period, width=2**0.4, points=2.5)
+    fine = band_pass(signal, period, width=2**0.4)
+    one, other = envelope_regularity(slow, 0, slow.z.size, period), acf_regularity(fine, period)
+    assert one[0] == pytest.approx(other[0], rel=2e-3)
+    assert one[1] == pytest.approx(other[1], rel=0.15)
+    assert one[2] == pytest.approx(other[2], rel=2e-3)
+    still = BandFilter.of(np.zeros(20_000)).envelope(9.0, width=2**0.4, points=2.5)
+    assert envelope_regularity(still, 0, still.z.size, 9.0) == (9.0, 0.0, 0.0)
+
+
+def test_a_long_record_is_answered_like_a_short_one() -> None:
+    x = wave(30_000, 11.3) + 0.7 * noise(30_000, 2, 0.5)
+    long, short = (oscillation(part, 1.0, segments=False).main for part in (x, x[:9000]))
+    assert long is not None
+    assert short is not None
+    assert long.persistent
+    assert long.period == pytest.approx(short.period, rel=1e-3)
+    assert long.amplitude == pytest.approx(short.amplitude, rel=0.02)
+    assert long.end == 30_000
+
+
+@pytest.mark.parametrize("n", [1000, 1125])
+def test_the_window_needs_no_second_transform(n: int) -> None:
+    signal = noise(n, 6, 0.9) + wave(n, 31.0)
+    band = BandFilter.of(signal)
+    assert band.length == n
+    np.testing.assert_allclose(band.power(), power_spectrum(signal), rtol=1e-6, atol=1e-6)
+
+
 def test_scores_of_white_noise_average_to_one_and_a_line_stands_out_as_theory_says() -> None:
-    white = noise(65_536, 5)
-    spectra = segment_spectra(white, 1024, fewest_cycles=40, shortest=4.0)
-    assert np.mean(spectra.scores) == pytest.approx(1.0, rel=0.1)
-    line = segment_spectra(wave(4096, 32.0) + noise(4096), 4096, fewest_cycles=6, shortest=4.0)
+    white = BandFilter.of(noise(65_536, 5)).lines(fewest_cycles=40, shortest=4.0)
+    assert np.mean(white.scores) == pytest.approx(1.0, rel=0.1)
+    line = BandFilter.of(wave(4096, 32.0) + noise(4096)).lines(fewest_cycles=6, shortest=4.0)
     # A^2 n/4 over the noise, two thirds of it under a Hann window
     assert line.scores.max() == pytest.approx(4096 / 4 / 1.5, rel=0.35)
-    assert line.share(0, 32.0, 2**0.4) == pytest.approx(1 / 3 + 0.1, abs=0.1)
-    assert (
-        segment_spectra(np.zeros(128), 128, fewest_cycles=6, shortest=4.0).share(0, 9.0, 1.3) == 0
-    )
+    assert line.share(32.0, 2**0.4) == pytest.approx(1 / 3 + 0.1, abs=0.1)
+    still = BandFilter.of(np.zeros(128)).lines(fewest_cycles=6, shortest=4.0)
+    assert still.share(9.0, 1.3) == 0
 
 
 def test_half_periods_of_a_sine_have_the_area_of_theory() -> None:
