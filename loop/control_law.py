@@ -111,6 +111,9 @@ class ManyLaws:
         self._law, self._limits = law, limits
         self._half, self._derives, self._lags = law.kI / 2, np.any(law.kD), np.any(law.dF)
         rest: Real = np.zeros(law.kP.size)
+        # Numpy compares arrays twice as fast as an array with a number.
+        self._low, self._high = np.full_like(rest, limits.low), np.full_like(rest, limits.high)
+        self._moves = limits.move < np.inf
         self._integral = self._derivative = self._lagged = self._u = rest
         self._m = self._w = self._v = rest
         # Share of the set point in the next integral step and in this scan's P part.
@@ -158,9 +161,9 @@ class ManyLaws:
 
     def _limit(self, lagged: Real, v: Real, added: Real, out: Real) -> None:
         limits, wanted = self._limits, lagged
-        if limits.move < np.inf:
+        if self._moves:
             wanted = np.minimum(np.maximum(wanted, self._u - limits.move), self._u + limits.move)
-        np.minimum(np.maximum(wanted, limits.low, out=out), limits.high, out=out)
+        np.minimum(np.maximum(wanted, self._low, out=out), self._high, out=out)
         shift = out - lagged
         if limits.clamps:
             against = shift * added < 0

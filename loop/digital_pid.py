@@ -9,8 +9,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import StrEnum
+from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 
 from loop.batch import PIDBatch
 from loop.controller import PID
@@ -92,6 +94,16 @@ class ScanLaw:
     def arrays(self) -> list[Real]:
         """All numbers, in the order above."""
         return [getattr(self, field.name) for field in fields(self)]
+
+    def take(self, rows: npt.NDArray[np.intp]) -> Self:
+        """Pick controllers by index.
+
+        Parameters
+        ----------
+        rows : ndarray of int
+            Indices; one may repeat.
+        """
+        return type(self)(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
 
 
 def scan_laws(

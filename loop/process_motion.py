@@ -103,11 +103,14 @@ class ManyMotions:
         ]
         self._x: list[Real] = [np.zeros(loops) for _ in states]
         self._late: Real = np.zeros(loops)
-        # Row k + longest holds the input of scan k; every loop looks back by its own dead time.
+        # Row k + longest holds the input of scan k, and every loop looks back by its own dead time.
+        # Where all look back alike the rows go round in a ring, which stays in the cache: those
+        # that wait, the one that arrives and the one that arrived before it.
         self._longest = int(plant.q.max())
-        self._inputs = np.zeros((self._longest + scans, loops))
-        self._look_back = (self._longest - plant.q) * loops + np.arange(loops)
         self._alike = bool(np.all(plant.q == self._longest))
+        self._inputs = np.zeros((self._longest + (2 if self._alike else scans), loops))
+        self._ring = list(self._inputs) if self._alike else []
+        self._look_back = (self._longest - plant.q) * loops + np.arange(loops)
         self._k = 0
 
     def read(self, disturbance: float | Real, out: Real) -> None:
@@ -115,16 +118,23 @@ class ManyMotions:
         np.multiply(self._C[0], self._x[0], out=out)
         for c, x in zip(self._C[1:], self._x[1:], strict=True):
             out += c * x
-        out += disturbance
+        if not isinstance(disturbance, float) or disturbance:
+            out += disturbance
         if self._D is not None:
             out += self._D * self._late
 
     def move(self, u: Real, load: float | Real) -> None:
         """Hold the inputs u + load over the next scan."""
-        np.add(u, load, out=self._inputs[self._k + self._longest])
         if self._alike:
-            early = self._inputs[self._k]
+            held = self._ring[(self._k + self._longest) % len(self._ring)]
+            early = self._ring[self._k % len(self._ring)]
         else:
+            held = self._inputs[self._k + self._longest]
+        if isinstance(load, float) and not load:
+            held[:] = u
+        else:
+            np.add(u, load, out=held)
+        if not self._alike:
             early = self._inputs.take(self._look_back + self._k * self._inputs.shape[1])
         self._x = [self._next(i, early) for i in range(len(self._x))]
         self._late, self._k = early, self._k + 1

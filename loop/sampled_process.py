@@ -7,7 +7,8 @@ falls between two samples splits the interval there.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -148,6 +149,16 @@ class SampledProcesses:
     C: Real
     D: Real
     q: npt.NDArray[np.int64]
+
+    def take(self, rows: npt.NDArray[np.intp]) -> Self:
+        """Pick processes by index.
+
+        Parameters
+        ----------
+        rows : ndarray of int
+            Indices; one may repeat.
+        """
+        return type(self)(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
 
 
 def sampled(processes: Sequence[Process] | ProcessBatch, dt: float) -> SampledProcesses:

@@ -127,7 +127,8 @@ class Traces:
     Attributes
     ----------
     true_pv, pv : ndarray
-        PV without noise, and as the sensor shows it. [PV]
+        PV without noise, and as the sensor shows it; the same array for many loops whose sensors
+        show it as it is. [PV]
     sp : ndarray, shape (n,) or (n, m)
         Set point. [PV]
     op, position : ndarray
@@ -225,23 +226,27 @@ def scan_many(plant: SampledProcesses, law: ScanLaw, course: Course) -> Traces:
     laws, motions = ManyLaws(law, course.limits), ManyMotions(plant, scans)
     stems = course.valve.stem(np.zeros(loops)) if course.valve else None
     sensor, smoothing = course.sensor(), course.smoothing()
-    true_pv, pv, op = (np.empty((scans, loops)) for _ in range(3))
+    # A sensor that shows what is there needs no trace of its own.
+    shown = bool(np.any(course.noise)) or sensor is not None or course.resolution > 0
+    true_pv, op = (np.empty((scans, loops)) for _ in range(2))
+    pv = np.empty((scans, loops)) if shown else true_pv
     position = np.empty((scans, loops)) if stems else op
     signals = (course.sp, course.load, course.disturbance, course.noise)
-    rows = zip(*map(_rows, signals), course.by_hand, strict=True)
+    rows = zip(true_pv, pv, op, position, *map(_rows, signals), course.by_hand, strict=True)
     with np.errstate(over="ignore", invalid="ignore"):
-        for k, (r, load, disturbance, noise, by_hand) in enumerate(rows):
-            motions.read(disturbance, true_pv[k])
-            m = np.add(true_pv[k], noise, out=pv[k])
+        for k, (y, m, u, stem, r, load, disturbance, noise, by_hand) in enumerate(rows):
+            motions.read(disturbance, y)
+            if shown:
+                np.add(y, noise, out=m)
             if sensor:
                 m[:] = sensor(k, m)
             if course.resolution:
-                m[:] = np.round((m + course.pv0) / course.resolution) * course.resolution
-                m -= course.pv0
-            laws.scan(r, smoothing.of_many(m) if smoothing else m, by_hand, op[k])
+                steps = np.round((m + course.pv0) / course.resolution)
+                np.subtract(steps * course.resolution, course.pv0, out=m)
+            laws.scan(r, smoothing.of_many(m) if smoothing else m, by_hand, u)
             if stems:
-                position[k] = stems.step(op[k])
-            motions.move(position[k], load)
+                stem[:] = stems.step(u)
+            motions.move(stem, load)
     return Traces(true_pv=true_pv, pv=pv, sp=course.sp, op=op, position=position)
 
 

@@ -3,9 +3,10 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from loop.batch import PIDBatch, ProcessBatch
 from loop.controller import PID
@@ -22,7 +23,7 @@ from loop.valve import Valve
 MOST_SAMPLES = 50_000_000
 
 Batch = TypeVar("Batch", ProcessBatch, PIDBatch)
-Item = TypeVar("Item")
+Rows: TypeAlias = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,7 +41,8 @@ class BatchResponse:
     op : ndarray, shape (n, m)
         Controller outputs, held until the next scan. [OP]
     true_pv : ndarray, shape (n, m)
-        Process variables without noise, at full resolution. [PV]
+        Process variables without noise, at full resolution; the same array as `pv` where the
+        sensors show just that. [PV]
     position : ndarray, shape (n, m)
         Positions of the valves; without friction the same array as `op`. [OP]
     diverged : ndarray of bool, shape (m,)
@@ -153,32 +155,33 @@ def run_batch(
             f"{experiment.t.size} scans of {loops} loops are more than {MOST_SAMPLES:,} samples; "
             "take fewer loops at a time or a longer dt"
         )
-    plant = sampled(
-        _broadcast(processes, shape)
-        if isinstance(processes, ProcessBatch)
-        else _repeated(processes, shape),
-        experiment.dt,
-    )
+    if isinstance(processes, ProcessBatch):
+        plant = sampled(_broadcast(processes, shape), experiment.dt)
+    else:
+        plant = sampled(processes, experiment.dt).take(_rows(processes, shape))
     law = scan_laws(
-        _broadcast(controllers, shape)
-        if isinstance(controllers, PIDBatch)
-        else _repeated(controllers, shape),
+        _broadcast(controllers, shape) if isinstance(controllers, PIDBatch) else controllers,
         experiment.dt,
         anti_windup=experiment.anti_windup,
         Tt=experiment.Tt,
     )
+    if not isinstance(controllers, PIDBatch):
+        law = law.take(_rows(controllers, shape))
     course = Course.of(experiment, loops=loops)
     traces = scan_many(plant, law, course)
     pv0, op0 = experiment.pv0, experiment.op0
-    diverged = ~np.all(np.abs(traces.pv) < DIVERGED, axis=0)
+    diverged = np.zeros(loops, dtype=bool)
+    if not -DIVERGED < traces.pv.min() <= traces.pv.max() < DIVERGED:
+        diverged = ~np.all(np.abs(traces.pv) < DIVERGED, axis=0)
     op = _from_rest(traces.op, diverged, op0)
-    sticks = traces.position is not traces.op
+    true_pv = _from_rest(traces.true_pv, diverged, pv0)
+    sticks, hidden = traces.position is not traces.op, traces.pv is not traces.true_pv
     return BatchResponse(
         t=experiment.t,
         sp=course.sp + pv0,
-        pv=_from_rest(traces.pv, diverged, pv0),
+        pv=_from_rest(traces.pv, diverged, pv0) if hidden else true_pv,
         op=op,
-        true_pv=_from_rest(traces.true_pv, diverged, pv0),
+        true_pv=true_pv,
         position=_from_rest(traces.position, diverged, op0) if sticks else op,
         diverged=diverged,
     )
@@ -208,8 +211,9 @@ def _broadcast(batch: Batch, shape: tuple[int, ...]) -> Batch:
     return type(batch)(*arrays)
 
 
-def _repeated(items: Sequence[Item], shape: tuple[int, ...]) -> list[Item]:
-    return [items[i] for i in np.broadcast_to(np.arange(len(items)), shape).ravel().tolist()]
+def _rows(items: Sequence[object], shape: tuple[int, ...]) -> Rows:
+    """Item of every loop."""
+    return np.broadcast_to(np.arange(len(items)), shape).ravel()
 
 
 def _from_rest(trace: Real, diverged: Flags, rest: float) -> Real:
@@ -217,5 +221,6 @@ def _from_rest(trace: Real, diverged: Flags, rest: float) -> Real:
     if np.any(diverged):
         grown = np.nan_to_num(trace[:, diverged], nan=DIVERGED)
         trace[:, diverged] = np.clip(grown, -DIVERGED, DIVERGED)
-    trace += rest
+    if rest:
+        trace += rest
     return trace
