@@ -14,6 +14,7 @@ from service.actors import Actor, Role
 from service.database import Database
 from service.errors import Forbidden, NotAuthenticated
 from service.keys.actions import actor_with_token
+from service.limits import Limits
 
 _READING = frozenset({"GET", "HEAD", "OPTIONS"})
 # Questions too long for an address: posted, worked out, answered, and nothing is kept.
@@ -44,15 +45,18 @@ class Door:
     same reason a viewer's request to change something ends here.
     """
 
-    def __init__(self, app: ASGIApp, held: Database) -> None:
+    def __init__(self, app: ASGIApp, held: Database, limits: Limits) -> None:
         self.app = app
         self.held = held
+        self.limits = limits
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Find the actor of a request and keep it in the request's state."""
         if scope["type"] == "http" and _is_private(scope["path"]):
             token = _token(Headers(scope=scope))
-            actor = await run_in_threadpool(self._actor, token)
+            address = scope["client"][0] if scope.get("client") else ""
+            with self.limits.trying(token, address):
+                actor = await run_in_threadpool(self._actor, token)
             structlog.contextvars.bind_contextvars(actor=actor.owner, key=actor.key_id)
             scope.setdefault("state", {})["actor"] = actor
             if scope["method"] not in _READING and scope["path"] not in ASKING:

@@ -15,6 +15,7 @@ from service.body_limit import BodyLimit
 from service.database import Database
 from service.exchange import Exchange
 from service.features import ROUTERS, UPLOADS, upload_addresses
+from service.limits import Limits
 from service.metrics import Metrics
 from service.migration import assert_ready
 from service.openapi import describe, docs_page
@@ -41,6 +42,7 @@ def create_app(settings: Settings | None = None, held: Database | None = None) -
     settings = settings or Settings()
     held = held or Database.at(settings.url)
     metrics = Metrics()
+    limits = Limits(settings)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -58,7 +60,7 @@ def create_app(settings: Settings | None = None, held: Database | None = None) -
         lifespan=lifespan,
         middleware=[
             Middleware(Exchange, metrics=metrics),
-            Middleware(Door, held=held),
+            Middleware(Door, held=held, limits=limits),
             Middleware(
                 BodyLimit,
                 limit=settings.max_body_bytes,
@@ -70,6 +72,7 @@ def create_app(settings: Settings | None = None, held: Database | None = None) -
     app.state.settings = settings
     app.state.database = held
     app.state.metrics = metrics
+    app.state.limits = limits
     app.router.routes.extend(_routes())
     add_problem_handlers(app)
     docs_page(app)

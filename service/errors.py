@@ -138,6 +138,14 @@ class InvalidRequest(ServiceError):
         self.errors = [{"pointer": pointer, "detail": detail}]
 
 
+class TooManyRequests(ServiceError):
+    """One caller asked for more than its share."""
+
+    def __init__(self, reason: str, retry_after: int) -> None:
+        super().__init__(f"{reason} Try again in {retry_after} s.")
+        self.retry_after = retry_after
+
+
 class UnauditedChange(ServiceError):
     """A change would have been stored without its line in the audit trail."""
 

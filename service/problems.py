@@ -50,6 +50,7 @@ PROBLEMS: dict[type[Exception], Kind] = {
     errors.JobEnded: Kind(409, "job-ended"),
     errors.StaleVersion: Kind(412, "stale-version"),
     StaleDataError: Kind(412, "stale-version"),
+    errors.TooManyRequests: Kind(429, "too-many-requests"),
     errors.IfMatchMissing: Kind(428, "if-match-missing"),
     errors.InvalidRequest: Kind(422, "invalid-request"),
     RequestValidationError: Kind(422, "invalid-request"),
@@ -185,6 +186,8 @@ def answer_to(error: Exception) -> JSONResponse | None:
         detail = error.detail if kind == TOO_LARGE else None
         return problem(kind, title=_TITLES[kind.slug], detail=detail, headers=error.headers)
     headers = _HEADERS.get(kind.status)
+    if isinstance(error, errors.TooManyRequests):
+        headers = {"Retry-After": str(error.retry_after)}
     if isinstance(error, errors.ServiceError | LoopError):
         title = (type(error).__doc__ or kind.slug).partition("\n")[0]
         return problem(kind, title=title, detail=str(error), headers=headers, members=vars(error))

@@ -40,6 +40,18 @@ class Settings(BaseSettings):
     job_processes: int = Field(
         2, ge=1, le=256, description="Processes that assess loops beside each other."
     )
+    # A tuning takes some 50 ms of one core: this many are all that one core can work out.
+    heavy_per_minute: int = Field(
+        1_200, ge=0, description="Heavy questions a key may ask in a minute; 0 for no limit."
+    )
+    # A browser opens six connections, and a fifth of the 40 threads is a fair share for one key.
+    heavy_at_once: int = Field(
+        8, ge=0, description="Heavy questions of one key under way at a time; 0 for no limit."
+    )
+    # Mistyped keys come one by one; the secret's 256 bits are what cannot be guessed.
+    failed_keys_per_minute: int = Field(
+        30, ge=0, description="Wrong keys an address may try in a minute; 0 for no limit."
+    )
     log_json: bool = Field(True, description="Log one JSON object a line; otherwise plain text.")
 
     @field_validator("daily_at", mode="before")

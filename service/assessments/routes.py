@@ -23,6 +23,7 @@ from service.audit import declares
 from service.database import Reading, Transaction
 from service.jobs.schemas import JobBody
 from service.jobs.store import job_with_id
+from service.limits import HEAVY
 from service.listing import Cursor, Limit, cursor_after, key_of
 from service.loops.store import loop_with_id
 from service.models.schemas import id_from
@@ -31,7 +32,9 @@ from service.samples import Samples
 router = APIRouter(prefix="/v1", tags=["assessments"])
 
 
-@router.post("/assessments", status_code=202, openapi_extra=declares("job.added"))
+@router.post(
+    "/assessments", status_code=202, openapi_extra=declares("job.added"), dependencies=[HEAVY]
+)
 def request_assessments(
     body: AssessLoops, actor: Engineer, transaction: Transaction, response: Response
 ) -> JobBody:
@@ -94,7 +97,10 @@ def read_scorecard(
 
 
 @router.post(
-    "/loops/{loop_id}/assessments", status_code=201, openapi_extra=declares("assessment.added")
+    "/loops/{loop_id}/assessments",
+    status_code=201,
+    openapi_extra=declares("assessment.added"),
+    dependencies=[HEAVY],
 )
 def assess_loop(
     loop_id: UUID,

@@ -10,6 +10,7 @@ from service.access import Viewer
 from service.audit import actions, store
 from service.audit.schemas import AuditLine, AuditPage, VerdictBody
 from service.database import Database, Reading, database
+from service.limits import HEAVY, HEAVY_TO_THE_END
 from service.listing import Cursor, Limit, cursor_after, number_of
 from service.units import Line, Moment
 
@@ -47,7 +48,7 @@ def list_audit(
     return AuditPage(items=[AuditLine.model_validate(row) for row in rows[:limit]], next=more)
 
 
-@router.get("/verify")
+@router.get("/verify", dependencies=[HEAVY])
 def verify_audit(_: Viewer, reading: Reading, head: HeadHash = None) -> VerdictBody:
     """Recompute every hash of the trail: is the chain intact, and does it hold the known head?"""
     return VerdictBody.model_validate(actions.verify(reading, known_head=head))
@@ -63,6 +64,7 @@ def verify_audit(_: Viewer, reading: Reading, head: HeadHash = None) -> VerdictB
             "headers": {"X-Audit-Head": {"schema": {"type": "string"}}},
         }
     },
+    dependencies=[HEAVY_TO_THE_END],
 )
 def export_audit(_: Viewer, held: Annotated[Database, Depends(database)]) -> StreamingResponse:
     """Take the whole trail away, with its head, in a form that can be verified offline."""

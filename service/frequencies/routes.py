@@ -10,12 +10,13 @@ from service.audit import declares
 from service.database import Reading
 from service.frequencies.actions import read_frequency_test
 from service.frequencies.schemas import FrequencyBody, ReadFrequencyTest
+from service.limits import HEAVY
 from service.samples import Samples
 
 router = APIRouter(prefix="/v1/loops/{loop_id}", tags=["models"])
 
 
-@router.post("/frequency-responses", openapi_extra=declares(None))
+@router.post("/frequency-responses", openapi_extra=declares(None), dependencies=[HEAVY])
 def measure_frequency_response(
     loop_id: UUID, body: ReadFrequencyTest, _: Engineer, reading: Reading, samples: Samples
 ) -> FrequencyBody:

@@ -8,6 +8,7 @@ from advice.body import Body
 from service.access import Engineer, Viewer
 from service.audit import declares
 from service.database import Reading, Transaction
+from service.limits import HEAVY
 from service.listing import Cursor, Limit, cursor_after, key_of
 from service.loops.store import loop_with_id
 from service.models import actions, store
@@ -18,7 +19,13 @@ from service.tables import ModelRow
 router = APIRouter(prefix="/v1/loops/{loop_id}/models", tags=["models"])
 
 
-@router.post("", status_code=201, response_model=ModelBody, openapi_extra=declares("model.added"))
+@router.post(
+    "",
+    status_code=201,
+    response_model=ModelBody,
+    openapi_extra=declares("model.added"),
+    dependencies=[HEAVY],
+)
 def add_model(
     loop_id: UUID,
     body: NewModel,

@@ -9,6 +9,7 @@ from service.access import Engineer, Viewer
 from service.audit import declares
 from service.database import Database, Reading, Transaction, database
 from service.errors import InvalidRequest, NotFound
+from service.limits import HEAVY
 from service.listing import Cursor, Limit, cursor_after, key_of
 from service.loops.store import loop_with_id
 from service.models.schemas import id_from
@@ -36,6 +37,7 @@ samples_router = APIRouter(prefix="/v1/loops/{loop_id}/samples", tags=["records"
     status_code=201,
     openapi_extra={**declares("record.stored"), **upload_form()},
     responses={200: {"model": RecordBody, "description": "The same file was stored before."}},
+    dependencies=[HEAVY],
 )
 def upload_record(
     loop_id: UUID,
@@ -101,7 +103,7 @@ def read_record(
         return PendingBody(id=record_id, loop_id=loop_id, progress=progress)
 
 
-@samples_router.get("")
+@samples_router.get("", dependencies=[HEAVY])
 def read_samples(
     loop_id: UUID,
     _: Viewer,

@@ -11,6 +11,7 @@ from service.access import Approver, Engineer, Viewer
 from service.audit import declares
 from service.database import Reading, Transaction
 from service.etags import IfMatch
+from service.limits import HEAVY
 from service.listing import Cursor, Limit, cursor_after, number_of
 from service.loops.store import loop_with_id
 from service.samples import Samples
@@ -107,7 +108,7 @@ def read_sheet(
     return _answer(store.sheet_with_version(reading, loop_id, version), response)
 
 
-@router.get("/{version}/effect")
+@router.get("/{version}/effect", dependencies=[HEAVY])
 def compare_before_and_after(
     loop_id: UUID,
     version: Version,

@@ -8,6 +8,7 @@ from advice.body import Body
 from service.access import Engineer, Viewer
 from service.audit import declares
 from service.database import Reading, Transaction
+from service.limits import HEAVY
 from service.listing import Cursor, Limit, cursor_after, key_of
 from service.loops.store import loop_with_id
 from service.models.schemas import id_from
@@ -32,6 +33,7 @@ router = APIRouter(prefix="/v1", tags=["tunings"])
     status_code=201,
     response_model=TuningBody,
     openapi_extra=declares("tuning.proposed"),
+    dependencies=[HEAVY],
 )
 def propose_tuning(
     loop_id: UUID,
@@ -70,13 +72,17 @@ def read_tuning(loop_id: UUID, tuning_id: UUID, _: Viewer, reading: Reading) -> 
     return _answer(store.tuning_with_id(reading, loop_id, tuning_id))
 
 
-@router.post("/tunings", response_model=CaseBody, openapi_extra=declares(None))
+@router.post(
+    "/tunings", response_model=CaseBody, openapi_extra=declares(None), dependencies=[HEAVY]
+)
 def tune_process(body: TuneProcess, _: Engineer) -> Body:
     """Tune a process without a loop by every rule and verify the settings; nothing is stored."""
     return actions.tune_one(body)
 
 
-@router.post("/tunings/batch", response_model=CasesBody, openapi_extra=declares(None))
+@router.post(
+    "/tunings/batch", response_model=CasesBody, openapi_extra=declares(None), dependencies=[HEAVY]
+)
 def tune_processes(body: TuneProcesses, _: Engineer) -> dict[str, list[Body]]:
     """Tune many processes in one request; nothing is stored."""
     return {"items": actions.tune_many(body)}
