@@ -93,6 +93,10 @@ def _identified(model: Identification, record: Record | None) -> Facts:
             stated = unit.replace("PV", pv_unit(record)).replace("OP", op_unit(record))
             width = digits(1.96 * error, 2)
             facts.append((name, f"{digits(value)} ± {width} {stated} (95 %)".replace(" - (", " (")))
+        if model.dead_band is not None:
+            band, width = model.dead_band, digits(1.96 * model.dead_band.error, 2)
+            stated = f"{digits(band.width, 3)} ± {width} {op_unit(record)} (95 %)"
+            facts.append(("dead band", stated))
         if model.choice is not None and model.choice.runner_up is not None:
             facts.append(("runner-up", runner_up(model.choice.runner_up)))
     return facts + [("because", reason) for reason in model.reasons]

@@ -61,6 +61,13 @@ def model_body(model: Identification) -> Body:
         "fit_percent": number(model.fit_percent),
         "noise_sd": number(model.noise_sd),
         "residual": None if model.colour is None else residual_body(model.colour),
+        "dead_band": None
+        if model.dead_band is None
+        else {
+            "width": number(model.dead_band.width),
+            "standard_error": number(model.dead_band.error),
+            "part_of_largest_move": number(model.dead_band.width / model.dead_band.largest),
+        },
         "pv0": number(model.pv0),
         "drift": number(model.drift),
         "drift_error": number(model.drift_error),

@@ -5,10 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
-from identification.candidates import Candidate, Choice, choose
+from identification.candidates import Candidate, Choice
 from identification.condense import Samples, condense
 from identification.data_honesty import judge_data, judge_unit, require_one_unit
-from identification.disturbances import NEARLY_WHITE, Explanation, explain
+from identification.dead_band import DeadBandFit, judge_dead_band
+from identification.dead_band_choice import read_process
+from identification.disturbances import NEARLY_WHITE, Explanation
 from identification.experiment import Experiment, read_experiment
 from identification.gains import StepGains, require_one_sign, step_gains
 from identification.least_squares import LeastSquaresFit, fopdt_least_squares
@@ -89,6 +91,8 @@ class Identification:
         Of the structure's parameters. [-]
     intervals : ndarray, shape (p, 2), or None
         95 % confidence intervals of the structure's parameters.
+    dead_band : DeadBandFit or None
+        Play of the valve that the model stands behind; None where the record calls for none.
     pv0 : float or None
         PV at the first sample for the output before the first move. [PV]
     drift, drift_error : float or None
@@ -123,6 +127,7 @@ class Identification:
     standard_errors: Real | None = None
     correlation: Real | None = None
     intervals: Real | None = None
+    dead_band: DeadBandFit | None = None
     pv0: float | None = None
     drift: float | None = None
     drift_error: float | None = None
@@ -176,20 +181,16 @@ def identify(record: Record) -> Identification:
         experiment = read_experiment(record)
         require_one_unit(experiment.t, experiment.pv)
         samples, spikes = _without_spikes(experiment)
-        explanation = explain(
-            samples,
-            experiment.held,
-            experiment.steps,
-            start_may_differ=not experiment.stated_before,
-        )
+        reading = read_process(samples, experiment)
     except LoopError as fact:
         return replace(nothing, reasons=(_sentence(str(fact)),))
-    choice = choose(samples, explanation, experiment.steps, experiment.spacing)
+    explanation, choice = reading.explanation, reading.choice
     described = _described(nothing, samples, explanation, experiment, choice)
     fitted, remark = simplified(choice.chosen)
     described = replace(
         described,
         spikes=spikes,
+        dead_band=reading.dead_band if reading.taken else None,
         fitted=fitted,
         kind=described.kind if fitted is None else type(fitted).__name__,
     )
@@ -199,6 +200,8 @@ def identify(record: Record) -> Identification:
     except LoopError as fact:
         return replace(described, reasons=tuple(map(_sentence, (str(fact), *notes))))
     findings += _of_the_data(record, described, experiment)
+    if reading.dead_band is not None:
+        findings.append(judge_dead_band(reading.dead_band, taken=reading.taken))
     if fitted is None:
         findings.insert(0, Finding(verdict=Verdict.REFUSED, reason=remark))
     elif remark:
@@ -329,7 +332,8 @@ def _findings(
         judge_length(fit, described.steps, float(samples.t[-1])),
         judge_misfit(misfit, swing, steps[0].start),
         *judge_rival(explanation),
-        *judge_two_point(fit, described.steps),
+        # Smith's reading knows nothing of a valve that does not follow.
+        *([] if described.dead_band else judge_two_point(fit, described.steps)),
         *judge_timing(fit, experiment),
         judge_errors(fit, intervals),
         judge_dead_time(fit, intervals[2], experiment.spacing),

@@ -8,11 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from docs.figures.style import Draw, band, data, held, label, model, panels
+from docs.figures.style import ACCENT, Draw, band, data, held, label, model, panels
 from identification.identify import identify
 from loop.open_loop import process_output
 from loop.process import FOPDT
 from loop.record import Record
+from loop.valve import DeadBand, stem_positions
 
 
 def fopdt_least_squares() -> Figure:
@@ -38,4 +39,31 @@ def fopdt_least_squares() -> Figure:
     return figure
 
 
-FIGURES: Mapping[str, Draw] = {"fopdt-least-squares": fopdt_least_squares}
+def dead_band() -> Figure:
+    """A staircase on a valve with play: output, stem and answer."""
+    t = np.arange(0.0, 1500.0, 2.5)
+    op = np.array([40.0, 43, 46, 49, 46, 43, 40])[(t * 7 // 1500).astype(int)]
+    stem = stem_positions(DeadBand(width=1.0), op)
+    pv = process_output(FOPDT(K=2.0, tau=40.0, theta=12.0), t, stem, pv0=50.0)
+    pv += np.random.default_rng(0).normal(0.0, 0.2, t.size)
+    found = identify(Record(t=t, pv=pv, op=op))
+    assert found.predicted is not None
+    assert found.dead_band is not None
+    band_found = found.dead_band
+    stairs = band_found.stem
+    figure, (top, bottom) = panels(2, heights=(1.6, 1.0))
+    data(top, t, pv, "PV")
+    model(top, t, found.predicted, "model behind the valve")
+    label(top, y="PV [°C]", title=f"Dead band {band_found.width:.2f} % of OP (true 1.00 %)")
+    held(bottom, t, op, "OP")
+    times = np.concatenate(([0.0], stairs.instants, t[-1:]))
+    levels = np.append(stairs.levels, stairs.levels[-1])
+    bottom.step(times, levels, where="post", color=ACCENT, linestyle="--", label="valve, fitted")
+    label(bottom, x="Time [s]", y="OP [%]")
+    return figure
+
+
+FIGURES: Mapping[str, Draw] = {
+    "dead-band": dead_band,
+    "fopdt-least-squares": fopdt_least_squares,
+}
