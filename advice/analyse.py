@@ -57,6 +57,8 @@ class Task:
         Deviation of PV that may happen. [PV]
     frequency : float or None
         Highest frequency of the load. [rad/s]
+    ramp : float or None
+        Fastest lasting change of the load. [OP/s]
     unmodelled : float
         Lags and dead times that the model leaves out, together. [s]
     op_room : float or None
@@ -72,6 +74,7 @@ class Task:
     load: float | None = None
     allowed: float | None = None
     frequency: float | None = None
+    ramp: float | None = None
     unmodelled: float = 0.0
     op_room: float | None = None
     set_point_change: float | None = None
@@ -261,20 +264,22 @@ def _window(process: Process, task: Task) -> CrossoverWindow | None:
 def _disturbances(
     process: Process, controller: PID, compensators: tuple[Compensator, ...], task: Task
 ) -> tuple[DisturbanceAnswer, ...]:
-    """What stays of a lasting step and sinusoid of the largest load, for a stable loop."""
-    if task.load is None:
-        return ()
-    courses = [Disturbance.STEP]
-    if task.frequency is not None:
-        courses.append(Disturbance.SINUSOID)
+    """What stays of a lasting step, ramp and sinusoid of the load, for a stable loop."""
+    courses = []
+    if task.load is not None:
+        courses.append((Disturbance.STEP, task.load))
+        if task.frequency is not None:
+            courses.append((Disturbance.SINUSOID, task.load))
+    if task.ramp is not None:
+        courses.append((Disturbance.RAMP, task.ramp))
     return tuple(
         disturbance_answer(
             process,
             controller,
             course,
-            task.load,
+            size,
             frequency=task.frequency,
             compensators=compensators,
         )
-        for course in courses
+        for course, size in courses
     )

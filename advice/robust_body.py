@@ -140,16 +140,19 @@ def proof_words(proof: CaseProof) -> list[str]:
     for proven in proof.settings:
         words.append(f"The {proven.name} settings: {_worst_words(proven.proof)}")
         words += [proven.proof.certificate, proven.largest.sentence]
+    return words + joint_words(proof)
+
+
+def joint_words(proof: CaseProof) -> list[str]:
+    """The speed of SIMC that is proven with all parameters off at once, in a sentence."""
     joint = proof.joint_tau_c
     if joint is not None:
-        words.append(
+        return [
             f"SIMC is proven with all parameters off by up to 50 % at once from tau_c = "
             f"{joint.tau_c:.4g} s ({_settings_words(joint.pid)}); one at a time it passes from "
             f"{joint.alone:.4g} s."
-        )
-    elif proof.joint_refusal:
-        words.append(proof.joint_refusal)
-    return words
+        ]
+    return [proof.joint_refusal] if proof.joint_refusal else []
 
 
 def _worst_words(proof: BoxProof) -> str:

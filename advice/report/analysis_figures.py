@@ -21,10 +21,12 @@ from advice.report.drawing import (
 )
 from loop.frequency_curves import sensitivity_circle
 from loop.root_locus import RootLocus
+from loop.signals import Complex
 
 # Beyond this the dead time only goes on turning.
 LOWEST_PHASE = -720.0
 NEAR = 6.0
+SEVERAL_DECADES = 300.0
 BRANCH = Look(INK, "solid", 1.6)
 
 
@@ -58,8 +60,8 @@ def _bode(analysis: Analysis) -> Figure:
             line(curves.w, np.abs(curves.L), "L", STRONG),
             line(curves.w, phase, "L", STRONG, panel=2, legend=False),
         ],
-        Axis(title="Frequency [rad/s]", log=True),
-        [Axis(title="|L| [-]", log=True), Axis(title="Phase of L [°]")],
+        Axis(title="Frequency [rad/s]", log=True, decades=True),
+        [_gain_axis("|L| [-]", curves.L), Axis(title="Phase of L [°]")],
         height=460,
     )
 
@@ -106,11 +108,11 @@ def _sensitivities(analysis: Analysis) -> Figure:
     ]
     return stacked(
         traces,
-        Axis(title="Frequency [rad/s]", log=True),
+        Axis(title="Frequency [rad/s]", log=True, decades=True),
         [
-            Axis(title="|S|, |T| [-]", log=True),
-            Axis(title="|GS| [PV/OP]", log=True),
-            Axis(title="|CS| [OP/PV]", log=True),
+            _gain_axis("|S|, |T| [-]", np.concatenate([curves.S, curves.T])),
+            _gain_axis("|GS| [PV/OP]", curves.GS),
+            _gain_axis("|CS| [OP/PV]", curves.CS),
         ],
         height=620,
     )
@@ -136,6 +138,14 @@ def _root_locus(analysis: Analysis, locus: RootLocus) -> Figure:
         Axis(title="Im s [rad/s]", span=(-view.height, view.height)),
     )
     return side_by_side(traces, [panel], height=460)
+
+
+def _gain_axis(title: str, response: Complex) -> Axis:
+    """A logarithmic axis, labelled by decades where there are several."""
+    size = np.abs(response)
+    size = size[np.isfinite(size) & (size > 0)]
+    many = bool(size.size) and float(size.max()) > SEVERAL_DECADES * float(size.min())
+    return Axis(title=title, log=True, decades=many)
 
 
 def _true_to_scale(figure: Figure) -> Figure:

@@ -4,7 +4,7 @@ A figure is data (a JSON object with `data` and `layout`), so that a page, the A
 can show the same one. Plotly itself is not imported: only its browser script is, by the page.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -46,11 +46,14 @@ class Axis:
         Logarithmic scale.
     span : tuple of float, optional
         Range shown, in the quantity's own unit.
+    decades : bool
+        Whether a logarithmic scale labels its decades alone; for a quantity that spans several.
     """
 
     title: str
     log: bool = False
     span: tuple[float, float] | None = None
+    decades: bool = False
 
     def layout(self) -> dict[str, Json]:
         """Plotly's description of the axis."""
@@ -65,6 +68,8 @@ class Axis:
             "zeroline": False,
             "exponentformat": "power",
         }
+        if self.decades:
+            axis["dtick"] = 1
         if self.span is not None:
             ends = np.log10(self.span) if self.log else np.asarray(self.span)
             axis["range"] = [float(end) for end in ends]
@@ -141,7 +146,7 @@ def stacked(traces: list[Figure], x: Axis, ys: list[Axis], *, height: int = 420)
         last = i == len(ys) - 1
         layout[f"yaxis{suffix}"] = {**y.layout(), "domain": [max(0.0, top - tall), top]}
         layout[f"xaxis{suffix}"] = {
-            **Axis(title=x.title if last else "", log=x.log, span=x.span).layout(),
+            **replace(x, title=x.title if last else "").layout(),
             "anchor": f"y{suffix}",
             "matches": "x" if i else None,
             "showticklabels": last,

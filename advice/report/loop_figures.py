@@ -62,9 +62,9 @@ def bode(process: Process, candidates: Sequence[Candidate]) -> Figure:
         traces.append(line(w, phase, candidate.name, look, panel=2, legend=False))
     return stacked(
         traces,
-        Axis(title="Frequency [rad/s]", log=True),
+        Axis(title="Frequency [rad/s]", log=True, decades=True),
         [
-            Axis(title="|L| [-]", log=True),
+            Axis(title="|L| [-]", log=True, decades=True),
             Axis(title="Phase of L [°]", span=(-400, 0)),
         ],
         height=460,

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -9,10 +10,11 @@ from typing import TypeAlias
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from advice.analyse import Task
 from advice.display import decibels, digits, row_of, rule_name, settings_of
 from advice.facts import data_facts, gain_unit, model_facts, op_unit, pv_unit
 from advice.next_test import after, next_test_sentences
-from advice.report.drawing import Figure
+from advice.report.analysis_section import analysis_of, analysis_sections
 from advice.report.fan_figures import fan_figures
 from advice.report.fit_figures import fit, residual
 from advice.report.loop_figures import (
@@ -25,10 +27,12 @@ from advice.report.loop_figures import (
     set_point_courses,
     sweep,
 )
+from advice.report.robust_section import optimal_section, proof_section
+from advice.report.section import Section, Table, section
+from advice.robust_choice import CaseProof, OptimalChoice
 from advice.tune import TuningCase
 from loop.measures import load_measures, step_measures
 
-Section: TypeAlias = dict[str, object]
 More: TypeAlias = Sequence[tuple[str, Sequence[str]]]
 
 READING = (
@@ -41,8 +45,38 @@ READING = (
 )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What a page shows beside the case itself.
+
+    Attributes
+    ----------
+    task : Task or None
+        What the loop has to do; the load of the drawn responses if not given.
+    scan_time : float
+        Scan time of the controller. [s]
+    proof : CaseProof or None
+        Proofs over the box of model errors.
+    choices : sequence of OptimalChoice or None
+        Optimal settings.
+    more : sequence of (str, sequence of str)
+        Further sections: a heading and its sentences. Empty ones are left out.
+    """
+
+    task: Task | None = None
+    scan_time: float = 0.0
+    proof: CaseProof | None = None
+    choices: Sequence[OptimalChoice] | None = None
+    more: More = ()
+
+
 def write_report(
-    case: TuningCase, file: Path, *, title: str, generated: str = "", more: More = ()
+    case: TuningCase,
+    file: Path,
+    *,
+    title: str,
+    generated: str = "",
+    asked: Asked | None = None,
 ) -> None:
     """Write the page to a file.
 
@@ -56,14 +90,16 @@ def write_report(
         Name of the loop or of the file.
     generated : str
         When and by whom, in words; empty for neither.
-    more : sequence of (str, sequence of str)
-        Further sections: a heading and its sentences. Empty ones are left out.
+    asked : Asked, optional
+        What to show beside the case itself.
     """
-    page = report_page(case, title=title, generated=generated, more=more)
+    page = report_page(case, title=title, generated=generated, asked=asked)
     file.write_text(page, encoding="utf-8")
 
 
-def report_page(case: TuningCase, *, title: str, generated: str = "", more: More = ()) -> str:
+def report_page(
+    case: TuningCase, *, title: str, generated: str = "", asked: Asked | None = None
+) -> str:
     """Make the page.
 
     Parameters
@@ -74,14 +110,15 @@ def report_page(case: TuningCase, *, title: str, generated: str = "", more: More
         Name of the loop or of the file.
     generated : str
         When and by whom, in words; empty for neither.
-    more : sequence of (str, sequence of str)
-        Further sections: a heading and its sentences. Empty ones are left out.
+    asked : Asked, optional
+        What to show beside the case itself.
     """
-    sections, following = sections_of(case), after(case)
+    wanted, following = asked or Asked(), after(case)
+    sections, further = [*sections_of(case), *_analysed(case, wanted)], _asked_for(case, wanted)
     numbered = {
         item["id"]: item["figure"]
-        for section in sections
-        for item in section["figures"]  # type: ignore[attr-defined]
+        for part in (*sections, *further)
+        for item in part["figures"]  # type: ignore[attr-defined]
     }
     template = _templates().get_template("page.html.j2")
     return template.render(
@@ -93,7 +130,8 @@ def report_page(case: TuningCase, *, title: str, generated: str = "", more: More
         model=[fact for fact in model_facts(case) if fact[0] != "because"],
         model_reasons=[text for name, text in model_facts(case) if name == "because"],
         next_test=[] if following is None else next_test_sentences(following),
-        figures=sections,
+        sections=sections,
+        further=further,
         responses=_response_table(case),
         rows=[
             row_of(t, best=i == case.recommended)
@@ -105,13 +143,32 @@ def report_page(case: TuningCase, *, title: str, generated: str = "", more: More
             f"phase margin {case.profile.phase:.3g}°, Ms at most {case.profile.Ms:.3g}."
         ),
         refusals=[t.proposal.refusal for t in case.tunings if t.proposal.pid is None],
-        more=[section for section in more if section[1]],
         unit_gain=gain_unit(case.record),
         reading=READING,
         script=_plotly(),
         # "<" could end the script element early, whatever a tag or a unit holds.
         figures_json=json.dumps(numbered, allow_nan=False).replace("<", "\\u003c"),
     )
+
+
+def _analysed(case: TuningCase, wanted: Asked) -> list[Section]:
+    """The recommended loop analysed, with the load of the drawn responses if none was stated."""
+    task = wanted.task or Task(load=event_sizes(case)[1])
+    found = analysis_of(case, task=task, scan_time=wanted.scan_time)
+    return [] if found is None else analysis_sections(found)
+
+
+def _asked_for(case: TuningCase, wanted: Asked) -> list[Section]:
+    best = case.best
+    sections = []
+    if wanted.proof is not None:
+        sections.append(proof_section(wanted.proof))
+    if wanted.choices is not None:
+        sections.append(
+            optimal_section(wanted.choices, None if best is None else best.proposal.pid)
+        )
+    sections += [section(title, {}, sentences=said) for title, said in wanted.more if said]
+    return sections
 
 
 @cache
@@ -156,67 +213,50 @@ def sections_of(case: TuningCase) -> list[Section]:
     """Draw every figure of a case, section by section."""
     sections = []
     if case.model is not None and case.record is not None and case.model.process is not None:
-        sections.append(
-            _section(
-                "Fit",
-                fit=(fit(case.record, case.model), "The record and the model's answer to OP."),
-                residual=(
-                    residual(case.record, case.model),
-                    "PV less model: what the model does not explain.",
-                ),
-            )
-        )
+        drawn = {
+            "fit": (fit(case.record, case.model), "The record and the model's answer to OP."),
+            "residual": (
+                residual(case.record, case.model),
+                "PV less model: what the model does not explain.",
+            ),
+        }
+        sections.append(section("Fit", drawn))
     shown = candidates_of(case)
     if case.process is None or not shown:
         return sections
-    sections.append(
-        _section(
-            "Loop",
-            bode=(bode(case.process, shown), "Bode plot of L, exact dead time."),
-            nyquist=(
-                nyquist(case.process, shown, case.profile.Ms),
-                f"Nyquist plot; L stays outside the circle where Ms is below {case.profile.Ms:g}.",
-            ),
-        )
-    )
+    drawn = {
+        "bode": (bode(case.process, shown), "Bode plot of L, exact dead time."),
+        "nyquist": (
+            nyquist(case.process, shown, case.profile.Ms),
+            f"Nyquist plot; L stays outside the circle where Ms is below {case.profile.Ms:g}.",
+        ),
+    }
+    sections.append(section("Loop", drawn))
     pv, op = pv_unit(case.record), op_unit(case.record)
     set_point, load = event_sizes(case)
     stable = _stable(case, shown)
     if stable:
         at_sp = set_point_courses(case.process, stable, set_point)
         at_load = load_courses(case.process, stable, load)
-        sections.append(
-            _section(
-                "Responses",
-                setpoint=(
-                    responses(at_sp, pv=pv, op=op, size=set_point),
-                    f"Set-point step of {digits(set_point, 3)} {pv}.",
-                ),
-                load=(
-                    responses(at_load, pv=pv, op=op),
-                    f"Load step of {digits(load, 3)} {op} at the process input.",
-                ),
-            )
-        )
+        drawn = {
+            "setpoint": (
+                responses(at_sp, pv=pv, op=op, size=set_point),
+                f"Set-point step of {digits(set_point, 3)} {pv}.",
+            ),
+            "load": (
+                responses(at_load, pv=pv, op=op),
+                f"Load step of {digits(load, 3)} {op} at the process input.",
+            ),
+        }
+        sections.append(section("Responses", drawn))
         fans = fan_figures(case, stable, set_point=set_point, load=load, pv=pv)
         if fans:
-            sections.append(_section("Responses on uncertain processes", **fans))
+            sections.append(section("Responses on uncertain processes", fans))
     if case.best is not None and case.best.verification is not None:
         caption = "Margins of the recommended settings when one parameter of the model is off."
-        sections.append(
-            _section("±50 % sweep", sweep=(sweep(case.best.verification, case.profile), caption))
-        )
+        drawn = {"sweep": (sweep(case.best.verification, case.profile), caption)}
+        sections.append(section("±50 % sweep", drawn))
     return sections
-
-
-def _section(title: str, **figures: tuple[Figure, str]) -> Section:
-    return {
-        "title": title,
-        "figures": [
-            {"id": name, "figure": figure, "caption": caption}
-            for name, (figure, caption) in figures.items()
-        ],
-    }
 
 
 def _stable(case: TuningCase, shown: Sequence[Candidate]) -> list[Candidate]:
@@ -237,7 +277,7 @@ def event_sizes(case: TuningCase) -> tuple[float, float]:
     return 1.0, 1.0
 
 
-def _response_table(case: TuningCase) -> Section | None:
+def _response_table(case: TuningCase) -> Table | None:
     shown = _stable(case, candidates_of(case))
     if case.process is None or not shown:
         return None
@@ -260,7 +300,11 @@ def _response_table(case: TuningCase) -> Section | None:
         f"Load IAE [{pv} s]",
         f"Output travel at set point [{op}]",
     )
-    return {"head": head, "rows": rows}
+    return Table(
+        head=head,
+        rows=tuple(rows),
+        caption="Simulated on the model, without noise or limits.",
+    )
 
 
 def _measures(at_sp: Course, at_load: Course, set_point: float) -> tuple[str, ...]:

@@ -113,6 +113,7 @@ class TaskBody(Strict):
     load: Quantity | None = Field(None, description="Largest load step, process input. [OP]")
     allowed: Positive | None = Field(None, description="Deviation of PV that may happen. [PV]")
     frequency: Positive | None = Field(None, description="Highest load frequency. [rad/s]")
+    ramp: Quantity | None = Field(None, description="Fastest lasting change of the load. [OP/s]")
     unmodelled: SecondsOrNone = Field(
         0.0, description="Lags and dead times that the model leaves out. [s]"
     )

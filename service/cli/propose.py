@@ -1,15 +1,16 @@
 """`loopwright propose`: a stated process in, verified settings out."""
 
 import json
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from advice.case_body import case_body
-from advice.report.page import write_report
+from advice.robust_body import robust_body
 from advice.tune import tune_process
 from loop.errors import RuleNotApplicable
+from service.cli import asking
+from service.cli.answering import REFUSED, AsJson
 from service.cli.printing import print_stated_case
 from service.cli.stating import (
     CONTROLLER_HELP,
@@ -18,8 +19,6 @@ from service.cli.stating import (
     process_from_text,
 )
 from tuning.profiles import DEFAULT_PROFILE, PROFILES
-
-REFUSED = 3
 
 
 def propose(
@@ -38,12 +37,12 @@ def propose(
         str | None,
         typer.Option(metavar="SETTINGS", help=f"Settings to compare with: {CONTROLLER_HELP}"),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the document that the API answers.")
-    ] = False,
-    report: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write one self-contained HTML page.")
-    ] = None,
+    proof: asking.Proof = False,
+    optimal: asking.Optimal = False,
+    load: asking.Load = None,
+    allowed: asking.Allowed = None,
+    as_json: AsJson = False,
+    report: asking.Report = None,
 ) -> int:
     """Tune a process that is known already, by every rule, and verify the settings.
 
@@ -61,10 +60,15 @@ def propose(
         return REFUSED
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
+    asked = asking.worked_out(
+        case, proof=proof, optimal=optimal, scan_time=scan_time, load=load, allowed=allowed
+    )
     if as_json:
-        typer.echo(json.dumps(case_body(case), indent=1, allow_nan=False))
+        body = case_body(case) | robust_body(asked.proof, asked.choices)
+        typer.echo(json.dumps(body, indent=1, allow_nan=False))
     else:
         print_stated_case(case, title=process)
+        asking.print_asked(asked)
     if report is not None:
-        write_report(case, report, title=process)
+        asking.write_file(case, report, title=process, asked=asked)
     return 0

@@ -2,19 +2,16 @@
 
 import json
 import math
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from advice.case_body import case_body
-from advice.report.page import write_report
-from advice.robust_body import optimal_words, proof_words, robust_body
-from advice.robust_choice import optimal_choices, prove_case
+from advice.robust_body import robust_body
 from advice.tune import TuningCase
 from advice.tune import tune as tune_record
 from loop.controller import PID
-from service.cli import reading
+from service.cli import asking, reading
 from service.cli.printing import print_case
 from tuning.profiles import DEFAULT_PROFILE, PROFILES
 
@@ -49,30 +46,14 @@ def tune(
     relay_hysteresis: Annotated[
         float, typer.Option(metavar="PV", help="Half-width of a relay test's hysteresis.")
     ] = 0.0,
-    proof: Annotated[
-        bool,
-        typer.Option(
-            "--proof",
-            help="Prove the worst margins with all parameters off by up to 50 % at once.",
-        ),
-    ] = False,
-    optimal: Annotated[
-        bool,
-        typer.Option(
-            "--optimal",
-            help="Add the PI and PID of least load area that keep the profile over ±50 %, "
-            "over what the record leaves open, and from calm to fast.",
-        ),
-    ] = False,
+    proof: asking.Proof = False,
+    optimal: asking.Optimal = False,
+    load: asking.Load = None,
+    allowed: asking.Allowed = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the document that the API answers.")
     ] = False,
-    report: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Write one self-contained HTML page, or one A4 page as .pdf."
-        ),
-    ] = None,
+    report: asking.Report = None,
     tag: reading.Tag = None,
     delimiter: reading.Delimiter = None,
     decimal: reading.Decimal = None,
@@ -102,34 +83,18 @@ def tune(
         )  # fmt: skip
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
-    proven = prove_case(case, scan_time=scan_time) if proof else None
-    choices = optimal_choices(case, scan_time=scan_time) if optimal else None
-    more = (
-        ("Proof", [] if proven is None else proof_words(proven)),
-        ("Optimal settings", [] if choices is None else optimal_words(choices)),
+    asked = asking.worked_out(
+        case, proof=proof, optimal=optimal, scan_time=scan_time, load=load, allowed=allowed
     )
     if as_json:
-        body = case_body(case) | robust_body(proven, choices)
+        body = case_body(case) | robust_body(asked.proof, asked.choices)
         typer.echo(json.dumps(body, indent=1, allow_nan=False))
     else:
         print_case(case, export, title=record.tag or file.name)
-        for heading, sentences in more:
-            _print_more(heading, sentences)
+        asking.print_asked(asked)
     if report is not None:
-        title = record.tag or file.name
-        if report.suffix.lower() == ".pdf":
-            # What sets and draws it takes a second to load: only who asks for it waits.
-            from advice.report.one_page import write_pdf
-
-            write_pdf(case, report, title=title)
-        else:
-            write_report(case, report, title=title, more=more)
+        asking.write_file(case, report, title=record.tag or file.name, asked=asked)
     return _code(case)
-
-
-def _print_more(title: str, sentences: list[str]) -> None:
-    if sentences:
-        typer.echo("\n".join(("", title, *(f"  {sentence}" for sentence in sentences))))
 
 
 def _code(case: TuningCase) -> int:

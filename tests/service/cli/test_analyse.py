@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 
 import pytest
+from fastapi.testclient import TestClient
 
 from advice.analyse import Task, analyse
 from advice.analysis_body import analysis_body
@@ -22,6 +23,47 @@ def test_the_json_is_the_document_of_the_api(said: Said) -> None:
     task = Task(load=10.0, allowed=3.0)
     analysis = analyse(FOPDT(K=2, tau=120, theta=30), PID(Kc=0.45, Ti=135, Td=13.3), task=task)
     assert json.loads(said()[0]) == json.loads(json.dumps(analysis_body(analysis)))
+
+
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+def test_every_question_of_the_api_has_its_option(said: Said, client: TestClient) -> None:
+    call = (
+        "--profile process --scan-time 2 --load 10 --allowed 3 --frequency 0.01 --ramp 0.1 "
+        "--crossover 0.02 --unmodelled 5 --op-room 40 --set-point-change 20 --relative-gain 1.4 "
+        "--series Lead:40,0.3 --series lag:900,2 --series LeadLag:30,20 "
+        "--series Notch:0.5,0.1,0.7 --points 20 --no-figures --json"
+    )
+    body = {
+        "process": {"kind": "FOPDT", "K": 2.0, "tau": 120.0, "theta": 30.0},
+        "controller": {
+            "Kc": 0.45, "Ti": 135.0, "Td": 13.3, "N": 12.0, "tauF": 3.0, "b": 0.5, "c": 1.0,
+        },
+        "profile": "process",
+        "scan_time": 2.0,
+        "task": {
+            "load": 10.0, "allowed": 3.0, "frequency": 0.01, "ramp": 0.1, "wc": 0.02,
+            "unmodelled": 5.0, "op_room": 40.0, "set_point_change": 20.0, "relative_gain": 1.4,
+        },
+        "compensators": [
+            {"kind": "Lead", "T": 40.0, "alpha": 0.3},
+            {"kind": "Lag", "T": 900.0, "beta": 2.0},
+            {"kind": "LeadLag", "T_lead": 30.0, "T_lag": 20.0},
+            {"kind": "Notch", "w0": 0.5, "zeta_zero": 0.1, "zeta_pole": 0.7},
+        ],
+        "points": 20,
+        "figures": False,
+    }  # fmt: skip
+    answer = client.post("/v1/analysis", json=body)
+    assert answer.status_code == 200, answer.text
+    said()  # what the service logged
+    assert run(["analyse", "FOPDT:2,120,30", "0.45,135,13.3,12,3,b=0.5,c=1", *call.split()]) == 0
+    assert json.loads(said()[0]) == answer.json()
+    # A PID leaves ramp Ti/(Kc, here twice that at rest) of it.
+    ramp = next(item for item in answer.json()["disturbances"] if item["integrators"] == 2)
+    assert ramp["left"] == pytest.approx(0.1 * 135 / (2 * 0.45))
+    for wrong in ("Hat:1,2", "Lead:1", "Notch:1,2,x"):
+        assert run([*HEATER, "--series", wrong]) == 2
+        assert "compensator" in said()[1]
 
 
 def test_the_text_says_margins_poles_limits_and_the_answer_to_the_task(said: Said) -> None:

@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from advice.case_body import case_body
+from advice.robust_body import robust_body
+from advice.robust_choice import prove_case
 from advice.tune import tune_process
-from loop.process import IPDT, TransferFunction
+from loop.process import FOPDT, IPDT, TransferFunction
 from service.cli import run
 
 Said = Callable[[], tuple[str, str]]
@@ -30,10 +32,18 @@ def test_the_text_shows_the_reduction_and_the_recommendation(said: Said) -> None
     assert tune_process(process).recommended_reason in out
 
 
-def test_a_report_is_written(tmp_path: Path) -> None:
-    page = tmp_path / "page.html"
-    assert run(["propose", "FOPDT:2,120,30", "--report", str(page)]) == 0
-    assert "<html" in page.read_text(encoding="utf-8")[:200]
+def test_a_report_with_its_proof_is_written(tmp_path: Path, said: Said) -> None:
+    file = tmp_path / "page.html"
+    call = ["propose", "FOPDT:2,120,30", "--proof", "--load", "10", "--allowed", "3", "--json"]
+    assert run([*call, "--report", str(file)]) == 0
+    case = tune_process(FOPDT(K=2, tau=120, theta=30))
+    proof = prove_case(case)
+    body = case_body(case) | robust_body(proof, None)
+    assert json.loads(said()[0]) == json.loads(json.dumps(body))
+    page = file.read_text(encoding="utf-8")
+    assert "<html" in page[:200]
+    assert "<h2>Proof</h2>" in page
+    assert "at least 4.424 with any controller" in page
 
 
 def test_an_unstable_process_is_refused_with_the_reason(said: Said) -> None:
