@@ -1,9 +1,9 @@
 """Jobs in the database: who does which, until when, and how far it has come."""
 
-from datetime import timedelta
+from datetime import datetime, timedelta
 from uuid import UUID
 
-from sqlalchemy import ColumnElement, and_, or_, select, tuple_
+from sqlalchemy import ColumnElement, and_, func, or_, select, tuple_
 from sqlalchemy.orm import Session
 
 from service.errors import NotFound
@@ -44,9 +44,10 @@ def claim_job(session: Session, owner: str, job_id: UUID | None = None) -> JobRo
     Two workers never get the same one: SQLite's transactions that write queue up, and PostgreSQL
     skips the rows that another transaction holds.
     """
+    free = _free(moment(session))
     row = session.scalars(
         select(JobRow)
-        .where(_free() if job_id is None else and_(_free(), JobRow.id == job_id))
+        .where(free if job_id is None else and_(free, JobRow.id == job_id))
         .order_by(JobRow.created_at, JobRow.id)
         .limit(1)
         .with_for_update(skip_locked=True)
@@ -54,16 +55,30 @@ def claim_job(session: Session, owner: str, job_id: UUID | None = None) -> JobRo
     if row is None:
         return None
     row.state, row.owner = "running", owner
-    row.lease_until = now() + LEASE
+    row.lease_until = lease_end(session)
     row.started_at = row.started_at or now()
     row.attempts += 1
     return row
 
 
-def _free() -> ColumnElement[bool]:
-    return or_(
-        JobRow.state == "queued", and_(JobRow.state == "running", JobRow.lease_until < now())
-    )
+def _free(at: datetime) -> ColumnElement[bool]:
+    return or_(JobRow.state == "queued", and_(JobRow.state == "running", JobRow.lease_until < at))
+
+
+def moment(session: Session) -> datetime:
+    """Tell the time by the one clock that all workers share: the database's.
+
+    SQLite runs within its workers, on one machine: there it is the machine's own.
+    """
+    if session.get_bind().dialect.name == "postgresql":
+        at: datetime = session.execute(select(func.clock_timestamp())).scalar_one()
+        return at
+    return now()
+
+
+def lease_end(session: Session) -> datetime:
+    """Tell until when a job is its worker's that shows life at this moment."""
+    return moment(session) + LEASE
 
 
 def held_job(session: Session, job_id: UUID, owner: str) -> JobRow | None:

@@ -14,7 +14,6 @@ from sqlalchemy.orm import Session
 from service.database import Database
 from service.errors import NotReady
 from service.jobs import store
-from service.tables import now
 
 # Several signs of life in a lease, so that one slow write does not lose the job.
 HEARTBEAT = store.LEASE / 6
@@ -76,7 +75,7 @@ class Task:
                 raise TaskLost
             yield session
             row.done, row.total, row.message = done, total, message
-            row.lease_until = now() + store.LEASE
+            row.lease_until = store.lease_end(session)
             cancelled = row.cancel
         self.done = done
         if cancelled or self.stopping.is_set():
@@ -88,7 +87,7 @@ class Task:
             row = store.held_job(session, self.job_id, self.owner)
             if row is None:
                 return False
-            row.lease_until = now() + store.LEASE
+            row.lease_until = store.lease_end(session)
             return not row.cancel
 
     @contextmanager

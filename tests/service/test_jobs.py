@@ -142,6 +142,26 @@ def test_a_worker_that_was_taken_for_dead_stores_nothing_more(
     assert (read(job).done, read(job).owner) == (0, "another")
 
 
+def test_a_machine_whose_clock_is_wrong_takes_nobodys_job(
+    postgresql_held: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with postgresql_held.transaction() as session:
+        job = add_job(session, actor=ANNA, kind="count", key="count", request={})
+        store.claim_job(session, "a worker that is alive")
+
+    monkeypatch.setattr(store, "now", lambda: now() + timedelta(days=1))
+
+    assert not worker(postgresql_held).work_once()
+    monkeypatch.setattr(store, "now", lambda: now() - timedelta(days=1))
+    _let_the_lease_end(postgresql_held)
+    with postgresql_held.transaction() as session:
+        taken = store.claim_job(session, "another")
+        assert taken is not None
+        assert taken.id == job.id
+        assert taken.lease_until is not None
+        assert now() < taken.lease_until <= now() + store.LEASE
+
+
 def test_a_job_that_kills_its_workers_is_given_up(
     held: Database, ask: Ask, read: Callable[[JobRow], JobRow]
 ) -> None:
