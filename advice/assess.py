@@ -4,6 +4,8 @@ The command line, the REST service, a fleet run and a notebook all call these fu
 
     from advice.assess import assess
     assessment = assess(record, kind="flow", pv_range=(0, 80))
+
+With `known`, the process model and the settings of the loop, more can be said.
 """
 
 from dataclasses import dataclass
@@ -12,16 +14,23 @@ from datetime import datetime
 import numpy as np
 
 from historian.resampling import even_record
+from loop.process import LARGEST, SMALLEST
+from loop.process import gain_sign as sign_of_gain
 from loop.record import Record
 from loop.signals import Codes, Real
 from monitoring.acf_decay import acf_decay
+from monitoring.achievable_variance import achievable_variance
+from monitoring.desired_settling import desired_settling
 from monitoring.diagnosis import Diagnosis, diagnose, not_assessable
 from monitoring.error_statistics import error_statistics
+from monitoring.expected_response import expected_response
 from monitoring.half_periods import half_periods
-from monitoring.indices import ControlIndices, Indices
+from monitoring.indices import ControlIndices, Indices, ModelIndices
+from monitoring.known_loop import KnownLoop
 from monitoring.load_responses import load_responses
 from monitoring.loop_signals import LoopKind, LoopSignals, Stretch, controlled_stretch, unfit
 from monitoring.minimum_variance import minimum_variance
+from monitoring.model_mismatch import model_mismatch
 from monitoring.oscillation import Oscillation, oscillation
 from monitoring.score_profile import DEFAULT_SCORE_PROFILE, ScoreProfile, score_profile
 from monitoring.scorecard import Grade, grade, ungraded
@@ -93,6 +102,8 @@ def assess(
     Ti: float | None = None,
     gain_sign: int | None = None,
     integrating: bool | None = None,
+    known: KnownLoop | None = None,
+    tau_c: float | None = None,
     profile: str = DEFAULT_SCORE_PROFILE,
 ) -> Assessment:
     """Assess one loop over one period.
@@ -115,6 +126,10 @@ def assess(
         Sign of the process gain.
     integrating : bool, optional
         Whether the process integrates; levels do by default.
+    known : KnownLoop, optional
+        Process model and settings; what of the four above is not given comes from there.
+    tau_c : float, optional
+        Desired closed-loop time constant. [s]
     profile : str
         Score profile.
 
@@ -132,6 +147,14 @@ def assess(
     scores = score_profile(kind, profile)
     if delay is not None and not (np.isfinite(delay) and delay >= 0):
         raise ValueError(f"delay must be zero or positive, got {delay}")
+    if tau_c is not None and not SMALLEST <= tau_c <= LARGEST:
+        raise ValueError(f"tau_c must lie within {SMALLEST:g} and {LARGEST:g} s, got {tau_c}")
+    if known is not None:
+        process, pid = known.process, known.controller
+        delay = process.theta if delay is None else delay
+        Ti = pid.Ti if Ti is None and pid is not None and np.isfinite(pid.Ti) else Ti
+        gain_sign = int(sign_of_gain(process)) if gain_sign is None else gain_sign
+        integrating = process.denominator[-1] == 0 if integrating is None else integrating
     even, resampled = _even(record)
     if even is None:
         return _refused(record, kind, scores, "a single sample, or samples far too uneven")
@@ -159,7 +182,7 @@ def assess(
         if stretch is None
         else _control(
             stretch, signals, sensor, kind=kind, delay=delay, Ti=Ti, gain_sign=gain_sign,
-            integrating=integrating, saturated=used.saturated,
+            integrating=integrating, saturated=used.saturated, known=known, tau_c=tau_c,
         ),
     )  # fmt: skip
     return Assessment(
@@ -188,6 +211,8 @@ def assess_signals(
     pv_range: tuple[float, float] | None = None,
     op_range: tuple[float, float] = (0.0, 100.0),
     delay: float | None = None,
+    known: KnownLoop | None = None,
+    tau_c: float | None = None,
     profile: str = DEFAULT_SCORE_PROFILE,
 ) -> Assessment:
     """Assess plain arrays; what is no record at all is not assessable, and the reason is told.
@@ -196,7 +221,7 @@ def assess_signals(
     ----------
     t, pv, op, sp, mode
         As in `loop.record.Record`; empty, unsorted and infinite values are answered, not raised.
-    tag, kind, pv_range, op_range, delay, profile
+    tag, kind, pv_range, op_range, delay, known, tau_c, profile
         As in `assess`.
     """
     try:
@@ -205,8 +230,9 @@ def assess_signals(
         kind = LoopKind(kind)
         return _blank(tag, kind, score_profile(kind, profile), str(reason))
     return assess(
-        record, kind=kind, pv_range=pv_range, op_range=op_range, delay=delay, profile=profile
-    )
+        record, kind=kind, pv_range=pv_range, op_range=op_range, delay=delay, known=known,
+        tau_c=tau_c, profile=profile,
+    )  # fmt: skip
 
 
 def not_assessed(
@@ -263,6 +289,8 @@ def _control(
     gain_sign: int | None,
     integrating: bool | None,
     saturated: float | None,
+    known: KnownLoop | None,
+    tau_c: float | None,
 ) -> ControlIndices:
     """Indices of the part in which the controller was free to act."""
     error, dt, share = stretch.error, stretch.dt, stretch.share
@@ -283,6 +311,7 @@ def _control(
         marks.append(f"OP stood at a limit for {saturated:.0%} of the time")
     if sticking.verdict is StictionVerdict.STICTION:
         marks.append("the valve sticks, which raises the index")
+    b = None if delay is None else round(delay / dt) + 1
     return ControlIndices(
         oscillation=swings,
         set_point_oscillation=_of_set_point(stretch, moves),
@@ -291,12 +320,30 @@ def _control(
         set_point_moves=moves,
         load_responses=load_responses(stretch, gain_sign=gain_sign),
         stiction=sticking,
-        minimum_variance=minimum_variance(
-            error,
-            delay=None if delay is None else round(delay / dt) + 1,
-            share=share,
-            marks=tuple(marks),
-        ),
+        minimum_variance=minimum_variance(error, delay=b, share=share, marks=tuple(marks)),
+        desired_settling=None
+        if b is None or tau_c is None
+        else desired_settling(error, dt, delay=b, tau_c=tau_c, share=share, marks=tuple(marks)),
+        model=None if known is None else _by_model(stretch, moves, known, tau_c, tuple(marks)),
+    )
+
+
+def _by_model(
+    stretch: Stretch,
+    moves: SetPointMoves,
+    known: KnownLoop,
+    tau_c: float | None,
+    marks: tuple[str, ...],
+) -> ModelIndices:
+    best_PI, best_PID = (
+        achievable_variance(stretch, known, derivative=derivative, tau_c=tau_c, marks=marks)
+        for derivative in (False, True)
+    )
+    return ModelIndices(
+        best_PI=best_PI,
+        best_PID=best_PID,
+        mismatch=model_mismatch(stretch, known),
+        expected_response=expected_response(stretch, moves, known),
     )
 
 

@@ -17,6 +17,7 @@ from advice.assess import Assessment, assess, not_assessed
 from advice.assessment_body import assessment_body
 from advice.body import Body
 from loop.record import Record
+from monitoring.known_loop import KnownLoop
 from monitoring.score_profile import DEFAULT_SCORE_PROFILE
 
 Crew: TypeAlias = Callable[[], Executor]
@@ -49,6 +50,10 @@ class FleetLoop:
         Lowest and highest PV and OP; the PV range is None where it is not known. [PV], [OP]
     gain_sign : {1, -1} or None
         Sign of the process gain.
+    known : KnownLoop or None
+        Process model and settings.
+    tau_c : float or None
+        Desired closed-loop time constant. [s]
     """
 
     name: str
@@ -57,6 +62,8 @@ class FleetLoop:
     pv_range: tuple[float, float] | None = None
     op_range: tuple[float, float] = (0.0, 100.0)
     gain_sign: int | None = None
+    known: KnownLoop | None = None
+    tau_c: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,6 +114,8 @@ def assess_loop(loop: FleetLoop, profile: str = DEFAULT_SCORE_PROFILE) -> LoopRe
             pv_range=loop.pv_range,
             op_range=loop.op_range,
             gain_sign=loop.gain_sign,
+            known=loop.known,
+            tau_c=loop.tau_c,
             profile=profile,
         )
     except (ValueError, ArithmeticError) as reason:

@@ -50,6 +50,7 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
             ("sample_store", "a loop's month, a day of all loops, corrections", 150.0),
             ("false_alarms", "oscillation and stiction: 1,000 healthy loops, sticking ones", 170.0),
             ("burst_detection", "waves as large as the noise: how many are found", 90.0),
+            ("model_indices", "model mismatch, expected response, achievable variance", 170.0),
             ("loop_day", "monitoring of 86,400 samples against statsmodels/scipy", 90.0),
             ("http_tuning", "a tuning request through HTTP", 60.0),
             ("upload", "five million rows through HTTP into the sample store", 150.0),

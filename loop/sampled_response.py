@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from loop.controller import PID
-from loop.digital_pid import AntiWindup, scan_laws
+from loop.digital_pid import AntiWindup, ScanLaw, scan_laws
 from loop.process import Process
 from loop.sampled_process import sampled
 from loop.signals import Complex
@@ -54,19 +54,52 @@ def sampled_response(
     pv_filter : float
         Time constant of a first-order filter on PV, 0 for none. [s]
     """
-    plant = sampled([process], scan_time)
+    law = scan_laws([pid], scan_time, anti_windup=AntiWindup.NONE, Tt=None)
+    C = law_response(law, z)[0]
+    if pv_filter:
+        d = np.exp(-scan_time / pv_filter)
+        part = (1 - d) * pv_filter / scan_time
+        C *= ((1 - part) * z + part - d) / (z - d)
+    return SampledResponse(process=held_response(process, z, dt=scan_time), law=C)
+
+
+def held_response(process: Process, z: Complex, *, dt: float) -> Complex:
+    """Evaluate a process whose input holds between the scans, PV over OP. [PV/OP]
+
+    Parameters
+    ----------
+    process : Process
+        Process model.
+    z : ndarray of complex, shape (n,)
+        Points, no pole.
+    dt : float
+        Scan time. [s]
+    """
+    plant = sampled([process], dt)
     order, q = plant.C.shape[1], int(plant.q[0])
     inputs = plant.late[0] / z[:, None] + plant.early[0]
     states = np.linalg.solve(z[:, None, None] * np.eye(order) - plant.Phi[0], inputs[:, :, None])[
         :, :, 0
     ]
-    P = (states @ plant.C[0] + plant.D[0] / z) * z**-q
-    law = scan_laws([pid], scan_time, anti_windup=AntiWindup.NONE, Tt=None)
-    kP, kI, kD, dD, _, _, dF, f0, f1, _ = (float(a[0]) for a in law.arrays())
-    C = kP + kI / 2 * (z + 1) / (z - 1) + kD * (z - 1) / (z - dD)
-    C *= (f0 * z + f1) / (z - dF)
-    if pv_filter:
-        d = np.exp(-scan_time / pv_filter)
-        part = (1 - d) * pv_filter / scan_time
-        C *= ((1 - part) * z + part - d) / (z - d)
-    return SampledResponse(process=P, law=C)
+    return np.asarray((states @ plant.C[0] + plant.D[0] / z) * z**-q)
+
+
+def law_response(law: ScanLaw, z: Complex) -> Complex:
+    """Evaluate the laws of m controllers from PV to the output, sign turned. [OP/PV]
+
+    Parameters
+    ----------
+    law : ScanLaw
+        Numbers of m controllers.
+    z : ndarray of complex, shape (n,)
+        Points, not 1 and no pole.
+
+    Returns
+    -------
+    ndarray of complex, shape (m, n)
+    """
+    kP, kI, kD, dD, dF, f0, f1 = (
+        column[:, None] for column in (law.kP, law.kI, law.kD, law.dD, law.dF, law.f0, law.f1)
+    )
+    C: Complex = kP + kI / 2 * (z + 1) / (z - 1) + kD * (z - 1) / (z - dD)
+    return np.asarray(C * (f0 * z + f1) / (z - dF))

@@ -4,7 +4,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from monitoring.basis import Confidence
-from monitoring.indices import ControlIndices, Indices
+from monitoring.expected_response import Departure
+from monitoring.indices import ControlIndices, Indices, ModelIndices
+from monitoring.model_mismatch import ModelVerdict
 from monitoring.oscillation import OscillationComponent
 from monitoring.score_profile import ScoreProfile
 from monitoring.stiction_result import StictionVerdict
@@ -35,6 +37,7 @@ class Action(StrEnum):
     NOTHING = "nothing"
     CHECK_VALVE = "check the valve"
     RETUNE = "retune"
+    IDENTIFY = "identify the process again, then retune"
     LOOK_UPSTREAM = "look upstream"
     CHECK_SENSOR = "check the measurement"
     CHECK_RANGE = "check the operating point and the size of the valve"
@@ -186,6 +189,8 @@ def _control(control: ControlIndices, profile: ScoreProfile) -> list[Diagnosis]:
                 action=Action.RETUNE,
             )
         )
+    if control.model is not None:
+        found += _by_model(control.model)
     best = control.minimum_variance
     poor = best.eta is not None and best.eta < profile.eta_least
     if poor and best.comparable and not best.extended and not found:
@@ -199,6 +204,27 @@ def _control(control: ControlIndices, profile: ScoreProfile) -> list[Diagnosis]:
             )
         )
     return found
+
+
+def _by_model(model: ModelIndices) -> list[Diagnosis]:
+    """What the loop sheet and the data do not agree about."""
+    found = []
+    mismatch, response = model.mismatch, model.expected_response
+    if mismatch.verdict is ModelVerdict.DOES_NOT:
+        suspect = "" if mismatch.suspect is None else f" Its {mismatch.suspect} seems off."
+        evidence = f"The model does not describe the loop, p = {mismatch.p_value:.1g}.{suspect}"
+        found.append(_against_sheet(evidence, mismatch.basis.confidence, Action.IDENTIFY))
+    if response.departures:
+        words = ", ".join(response.departures)
+        evidence = f"Set-point moves against model and settings: {words}."
+        off = Departure.GAIN_OFF in response.departures
+        action = Action.IDENTIFY if off or found else Action.RETUNE
+        found.append(_against_sheet(evidence, response.basis.confidence, action))
+    return found
+
+
+def _against_sheet(evidence: str, confidence: Confidence, action: Action) -> Diagnosis:
+    return Diagnosis(cause=Cause.TUNING, confidence=confidence, evidence=(evidence,), action=action)
 
 
 def _valve(control: ControlIndices) -> Diagnosis:

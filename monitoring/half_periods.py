@@ -108,8 +108,8 @@ def areas_between_crossings(error: Real, dt: float) -> tuple[Real, Real]:
 
 def _likeness(areas: Real, lengths: Real) -> float:
     """Compare half periods on the same side of zero, two apart."""
-    tiny = np.finfo(np.float64).tiny
-    area = areas[2:] / np.maximum(areas[:-2], tiny)
-    length = lengths[2:] / np.maximum(lengths[:-2], tiny)
-    alike = (area > ALPHA) & (area < 1 / ALPHA) & (length > GAMMA) & (length < 1 / GAMMA)
+    first, second = areas[:-2], areas[2:]
+    alike = (second > ALPHA * first) & (first > ALPHA * second)
+    before, after = lengths[:-2], lengths[2:]
+    alike &= (after > GAMMA * before) & (before > GAMMA * after)
     return float(np.count_nonzero(alike) / alike.size)

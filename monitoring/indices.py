@@ -3,16 +3,40 @@
 from dataclasses import dataclass
 
 from monitoring.acf_decay import AcfDecay
+from monitoring.achievable_variance import AchievableVariance
+from monitoring.desired_settling import DesiredSettling
 from monitoring.error_statistics import ErrorStatistics
+from monitoring.expected_response import ExpectedResponse
 from monitoring.half_periods import HalfPeriods
 from monitoring.load_responses import LoadResponses
 from monitoring.minimum_variance import MinimumVariance
+from monitoring.model_mismatch import ModelMismatch
 from monitoring.oscillation import Oscillation
 from monitoring.sensor import SensorHealth
 from monitoring.set_point_moves import SetPointMoves
 from monitoring.stiction_result import Stiction
 from monitoring.usage import Usage
 from monitoring.valve_size import ValveRange
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelIndices:
+    """Indices that need a process model.
+
+    Attributes
+    ----------
+    best_PI, best_PID : AchievableVariance
+        The error against the best that a PI and a PID could do.
+    mismatch : ModelMismatch
+        Whether the model still describes the loop.
+    expected_response : ExpectedResponse
+        Set-point moves against what model and settings lead to expect.
+    """
+
+    best_PI: AchievableVariance
+    best_PID: AchievableVariance
+    mismatch: ModelMismatch
+    expected_response: ExpectedResponse
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +54,10 @@ class ControlIndices:
         Whether the valve sticks.
     minimum_variance : MinimumVariance
         The error against the best possible.
+    desired_settling : DesiredSettling or None
+        The error against one that settles as wished; None without a dead time and a wish.
+    model : ModelIndices or None
+        What needs a process model; None without one.
     """
 
     oscillation: Oscillation
@@ -40,6 +68,8 @@ class ControlIndices:
     load_responses: LoadResponses
     stiction: Stiction
     minimum_variance: MinimumVariance
+    desired_settling: DesiredSettling | None = None
+    model: ModelIndices | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -102,7 +102,7 @@ def load_responses(stretch: Stretch, *, gain_sign: int | None = None) -> LoadRes
 def _events(stretch: Stretch) -> list[slice]:
     """Excursions of the error that start without a set-point move, up to the next one."""
     error = stretch.error
-    smooth = _smoothed(error, 3)
+    smooth = smoothed(error, 3)
     threshold = CLEAR * max(noise_level(error), 0.35 * float(np.std(error)))
     outside = np.abs(smooth) > threshold
     starts = np.flatnonzero(outside[1:] & ~outside[:-1]) + 1
@@ -124,7 +124,7 @@ def _events(stretch: Stretch) -> list[slice]:
     return [slice(int(begins[k]), int(ends[k])) for k in long]
 
 
-def _smoothed(signal: Real, width: int) -> Real:
+def smoothed(signal: Real, width: int) -> Real:
     """Centred moving mean; the ends keep their own value."""
     width = max(min(width, signal.size // 3), 1) | 1
     half = width // 2
@@ -140,8 +140,8 @@ def _smoothed(signal: Real, width: int) -> Real:
 def _idle_times(pv: Real, op: Real, sign: int) -> tuple[float, float]:
     """Samples in which OP and PV move with, and against, the sign of the gain; rest left out."""
     width = max(pv.size // 10, 3)
-    dpv = np.diff(_smoothed(pv, width))
-    dop = np.diff(_smoothed(op, width))
+    dpv = np.diff(smoothed(pv, width))
+    dop = np.diff(smoothed(op, width))
     still = (np.abs(dpv) < 0.02 * np.max(np.abs(dpv), initial=0)) | (
         np.abs(dop) < 0.02 * np.max(np.abs(dop), initial=0)
     )
@@ -155,7 +155,7 @@ def _idle_times(pv: Real, op: Real, sign: int) -> tuple[float, float]:
 def _area_index(op: Real) -> float | None:
     """Largest inner area over all but the last, of OP about its final value."""
     final = float(np.mean(op[-max(op.size // 10, 2) :]))
-    away = _smoothed(op, max(op.size // 20, 3)) - final
+    away = smoothed(op, max(op.size // 20, 3)) - final
     turns = np.flatnonzero((away[1:] > 0) != (away[:-1] > 0)) + 1
     areas = np.abs(np.add.reduceat(away, np.r_[0, turns]))
     whole = float(np.sum(areas[:-1]))

@@ -8,7 +8,9 @@ from advice.fleet import FleetLoop, LoopResult, assess_loop
 from advice.rollup import PlantScorecard, Scored, plant_scorecard
 from historian.sample_store import SampleStore
 from historian.samples import Samples
+from loop.digital_pid import OutputLimits
 from loop.errors import NoSamples
+from monitoring.known_loop import KnownLoop
 from service import audit
 from service.actors import Actor
 from service.assessments import store
@@ -16,10 +18,13 @@ from service.assessments.schemas import AssessLoop, AssessLoops, Overrule
 from service.errors import NotFound
 from service.jobs.actions import add_job
 from service.loops.store import loop_with_id
+from service.models.schemas import stated_process
+from service.sheets.in_force import known_loops
 from service.tables import AssessmentRow, JobRow, LoopRow, OverruleRow
+from service.tunings.actions import running_controller
 
 # Counts up when the same data would get another answer.
-METHOD = "1"
+METHOD = "2"
 
 
 def request_assessments(session: Session, *, actor: Actor, wanted: AssessLoops) -> JobRow:
@@ -54,10 +59,26 @@ def assess_one(
     found = samples.read(loop_id, wanted.start, wanted.end)
     if not len(found):
         raise NoSamples(loop.tag)
-    return assess_loop(fleet_loop(loop, found))
+    known = known_loops(reading, [loop_id], start=wanted.start, end=wanted.end).get(loop_id)
+    return assess_loop(fleet_loop(loop, found, _stated(loop, wanted) or known, wanted.tau_c))
 
 
-def fleet_loop(loop: LoopRow, samples: Samples) -> FleetLoop:
+def _stated(loop: LoopRow, wanted: AssessLoop) -> KnownLoop | None:
+    """Take model and settings from the question."""
+    if wanted.process is None:
+        return None
+    process = stated_process(wanted.process)
+    return KnownLoop(
+        process=process,
+        controller=running_controller(wanted.running, process),
+        limits=OutputLimits(low=loop.op_low, high=loop.op_high),
+        scan_time=loop.sample_time or None,
+    )
+
+
+def fleet_loop(
+    loop: LoopRow, samples: Samples, known: KnownLoop | None, tau_c: float | None = None
+) -> FleetLoop:
     """Put a loop's samples together with what the plant says of it."""
     return FleetLoop(
         name=str(loop.id),
@@ -66,6 +87,8 @@ def fleet_loop(loop: LoopRow, samples: Samples) -> FleetLoop:
         pv_range=(loop.pv_low, loop.pv_high),
         op_range=(loop.op_low, loop.op_high),
         gain_sign=1 if loop.action == "reverse" else -1,
+        known=known,
+        tau_c=tau_c,
     )
 
 

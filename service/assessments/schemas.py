@@ -6,9 +6,10 @@ from uuid import UUID
 
 from pydantic import ConfigDict, Field, model_validator
 
-from service.models.schemas import Id
+from service.models.schemas import AnyProcessBody, Id
 from service.schemas import Answer, Strict
-from service.units import Moment, Reason
+from service.tunings.schemas import RunningBody
+from service.units import Moment, Reason, Seconds
 
 MOST_LOOPS = 10_000
 # Within it every zone's instants have a day in UTC; samples lie within it too.
@@ -42,7 +43,22 @@ class Period(Strict):
 
 
 class AssessLoop(Period):
-    """Ask what one loop's routine data say."""
+    """Ask what one loop's routine data say.
+
+    Model and settings come from the loop's approved sheet, unless they are stated here.
+    """
+
+    process: AnyProcessBody | None = Field(None, description="Process model, if not the sheet's.")
+    running: RunningBody | None = Field(None, description="Settings that ran, with the process.")
+    tau_c: Seconds | None = Field(
+        None, description="Desired closed-loop time constant to be judged by. [s]"
+    )
+
+    @model_validator(mode="after")
+    def _settings_need_a_process(self) -> Self:
+        if self.running is not None and self.process is None:
+            raise ValueError("running needs the process that it controls")
+        return self
 
 
 class AssessLoops(Period):

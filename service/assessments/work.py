@@ -10,10 +10,12 @@ from advice.fleet import Crew, FleetLoop, LoopResult, assess_fleet
 from historian.sample_store import SampleStore
 from historian.samples import Samples
 from loop.errors import NoSamples
+from monitoring.known_loop import KnownLoop
 from service.assessments import store
 from service.assessments.actions import assessment_row, fleet_loop
 from service.assessments.schemas import AssessLoop, AssessLoops
 from service.jobs.task import Task
+from service.sheets.in_force import known_loops
 from service.tables import LoopRow
 
 Teller: TypeAlias = Callable[[list[LoopResult], int, int], None]
@@ -44,6 +46,9 @@ def assess_period(
     with task.held.readings() as session:
         loops = {str(row.id): row for row in store.loops_to_assess(session, wanted.loop_ids)}
         stored = {str(loop_id) for loop_id in store.assessed_loops(session, task.job_id)}
+        known = known_loops(
+            session, [row.id for row in loops.values()], start=period.start, end=period.end
+        )
     total, left = len(loops), {name: row for name, row in loops.items() if name not in stored}
     step: list[LoopResult] = []
     done = total - len(left)
@@ -66,7 +71,8 @@ def assess_period(
 
     store_step()
     helpers = crew if len(left) >= WORTH_PROCESSES else None
-    with closing(assess_fleet(_with_samples(samples, left, period), crew=helpers)) as found:
+    ready = _with_samples(samples, left, period, known)
+    with closing(assess_fleet(ready, crew=helpers)) as found:
         for one in found:
             step.append(one)
             done += 1
@@ -78,12 +84,15 @@ def assess_period(
 
 
 def _with_samples(
-    samples: SampleStore, loops: Mapping[str, LoopRow], period: AssessLoop
+    samples: SampleStore,
+    loops: Mapping[str, LoopRow],
+    period: AssessLoop,
+    known: Mapping[UUID, KnownLoop],
 ) -> Iterator[FleetLoop]:
     """Read the loops that have samples in the period."""
     for name, found in _samples(samples, loops, period):
         if len(found):
-            yield fleet_loop(loops[name], found)
+            yield fleet_loop(loops[name], found, known.get(loops[name].id))
 
 
 def _samples(

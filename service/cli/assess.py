@@ -15,7 +15,10 @@ from advice.fleet import Crew, FleetLoop, LoopResult, assess_fleet, cluster_crew
 from advice.rollup import Scored, plant_scorecard
 from historian.export import Export
 from historian.parquet_loops import loops_in, parquet_files
+from loop.digital_pid import OutputLimits
+from loop.process import LARGEST, SMALLEST
 from loop.record import Record
+from monitoring.known_loop import KnownLoop
 from monitoring.loop_signals import LoopKind
 from service.actors import Role
 from service.assessments.actions import request_assessments
@@ -24,6 +27,12 @@ from service.assessments.work import assess_period
 from service.cli import reading
 from service.cli.installation import DataFolder, acting, opened, settings_for, writing
 from service.cli.listing import print_columns
+from service.cli.stating import (
+    CONTROLLER_HELP,
+    PROCESS_HELP,
+    controller_from_text,
+    process_from_text,
+)
 from service.jobs.store import job_with_id
 from service.jobs.worker import Worker
 from service.samples import open_samples
@@ -54,6 +63,22 @@ def assess(
     pv_high: Annotated[float | None, typer.Option(help="High end of the PV range.")] = None,
     op_low: Annotated[float, typer.Option(help="Low end of the OP range.")] = 0.0,
     op_high: Annotated[float, typer.Option(help="High end of the OP range.")] = 100.0,
+    model: Annotated[
+        str | None,
+        typer.Option(metavar="PROCESS", help=f"Process of the loop of a file: {PROCESS_HELP}"),
+    ] = None,
+    settings_: Annotated[
+        str | None,
+        typer.Option(
+            "--settings",
+            metavar="SETTINGS",
+            help=f"Settings that ran, with --model: {CONTROLLER_HELP}",
+        ),
+    ] = None,
+    tau_c: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Desired closed-loop time constant to be judged by."),
+    ] = None,
     processes: Annotated[
         int | None, typer.Option(min=1, max=256, help="Processes beside each other.")
     ] = None,
@@ -86,7 +111,15 @@ def assess(
     """
     settings = settings_for(data=data)
     crew = _crew(settings, processes, scheduler)
+    known = _known(model, settings_, OutputLimits(low=op_low, high=op_high))
+    if tau_c is not None and not SMALLEST <= tau_c <= LARGEST:
+        raise typer.BadParameter(f"--tau-c must lie within {SMALLEST:g} and {LARGEST:g}")
     if source is None:
+        if known is not None or tau_c is not None:
+            raise typer.BadParameter(
+                "--model, --settings and --tau-c belong to a file; the installation's loops have "
+                "their sheets"
+            )
         if day is None:
             raise typer.BadParameter("state --day, or a file or folder to assess")
         return _installation(settings, day, crew, as_json=as_json)
@@ -99,9 +132,9 @@ def assess(
     loops = (
         FleetLoop(
             name=record.tag, record=record, kind=kind, pv_range=pv_range,
-            op_range=(op_low, op_high),
+            op_range=(op_low, op_high), known=known, tau_c=tau_c,
         )
-        for record in _records(files, stated)
+        for record in _single(_records(files, stated), known)
     )  # fmt: skip
     few = len(files) < WORTH_PROCESSES and scheduler is None
     found: list[LoopResult] = []
@@ -120,6 +153,24 @@ def _crew(settings: Settings, processes: int | None, scheduler: str | None) -> C
         except ValueError as error:
             raise typer.BadParameter(str(error)) from error
     return local_crew(processes or settings.job_processes)
+
+
+def _known(model: str | None, settings: str | None, limits: OutputLimits) -> KnownLoop | None:
+    if model is None:
+        if settings is not None:
+            raise typer.BadParameter("--settings needs the --model that they control")
+        return None
+    process = process_from_text(model)
+    controller = None if settings is None else controller_from_text(settings, process)
+    return KnownLoop(process=process, controller=controller, limits=limits)
+
+
+def _single(records: Iterator[Record], known: KnownLoop | None) -> Iterator[Record]:
+    """Refuse one model for several loops."""
+    for k, record in enumerate(records):
+        if k and known is not None:
+            raise typer.BadParameter("--model belongs to one loop; name it with --tag")
+        yield record
 
 
 def _range(low: float | None, high: float | None) -> tuple[float, float] | None:

@@ -114,7 +114,7 @@ def evidence(
     """
     if process is None:
         return None
-    model = _stored_process(process)
+    model = stored_process(process)
     found = margins(model, controller, sample_time=scan_time)
     swept = verify(model, controller, PROFILES[profile], sample_time=scan_time or 0.0)
     return {"margins": plain(found), "passes": bool(swept.passes), "verdict": swept.verdict}
@@ -127,7 +127,8 @@ def canonical_body(block: Block, settings: Settings) -> Stored:
     }
 
 
-def _stored_process(stored: Stored) -> Process:
+def stored_process(stored: Stored) -> Process:
+    """Read the process that a sheet's margins came from."""
     parameters = {name: value for name, value in stored.items() if name != "kind"}
     return process_from(str(stored.get("kind")), parameters)
 
@@ -136,7 +137,7 @@ def _with_process(kind: str, process: Stored | None) -> Stored:
     if process is None:
         raise NoProcess(kind)
     try:
-        _stored_process(process)
+        stored_process(process)
     except ValueError as error:
         raise NoProcess(kind) from error
     return process

@@ -119,7 +119,7 @@ def _case(
             profile=profile,
             tau_c=wanted.tau_c,
             scan_time=scan_time,
-            running=_running(wanted.running, process),
+            running=running_controller(wanted.running, process),
         )
     except ValueError as error:
         raise InvalidRequest("body", str(error)) from error
@@ -138,7 +138,8 @@ def _on_request(
     )
 
 
-def _running(stated: RunningBody | None, process: StatedProcess) -> PID | None:
+def running_controller(stated: RunningBody | None, process: StatedProcess) -> PID | None:
+    """Read stated settings; their action is the one that gives negative feedback."""
     if stated is None:
         return None
     return PID(

@@ -10,12 +10,15 @@ from hypothesis.extra.numpy import arrays
 from advice.assess import assess, assess_signals
 from advice.assessment_body import assessment_body
 from loop.controller import PID
+from loop.controller import Action as Action_
+from loop.digital_pid import OutputLimits
 from loop.plants import PLANT, routine_operation
-from loop.process import FOPDT
+from loop.process import FOPDT, IPDT, SOPDT, PureDelay, TransferFunction
 from loop.record import Mode, Record
 from loop.simulation import simulate
 from loop.valve import Choudhury
 from monitoring.diagnosis import Action, Cause
+from monitoring.known_loop import KnownLoop
 from monitoring.oscillation import OscillationVerdict
 from monitoring.scorecard import GradeWord
 from monitoring.stiction_result import StictionVerdict
@@ -142,6 +145,8 @@ def test_impossible_questions_are_refused() -> None:
         assess(record(), profile="perfect")
     with pytest.raises(ValueError, match="delay must be zero"):
         assess(record(), delay=-1.0)
+    with pytest.raises(ValueError, match="tau_c must lie within"):
+        assess(record(), tau_c=0.0)
 
 
 def test_the_body_is_plain_json_and_the_same_for_the_same_data() -> None:
@@ -162,6 +167,19 @@ MEASURED = st.floats(-1e6, 1e6).map(lambda value: round(value, 3))
 VALUES = MEASURED | st.just(float("nan")) | st.sampled_from([0.0, 50.0, 100.0])
 
 
+SHEETS = [
+    KnownLoop(process=FOPDT(K=1.0, tau=10.0, theta=3.0), controller=PID(Kc=1.4, Ti=10.0)),
+    KnownLoop(process=IPDT(K=-1e-3, theta=0.0)),
+    KnownLoop(process=PureDelay(K=1e6, theta=9.0), controller=PID(Kc=1e-9)),
+    KnownLoop(process=TransferFunction((1.0,), (9.0, -1.0)), controller=PID(Kc=2.0, Ti=1e9)),
+    KnownLoop(
+        process=SOPDT(K=1e-9, tau1=9.0, tau2=1e-3, theta=0.0),
+        controller=PID(Kc=1e9, Ti=1e-3, Td=1e6, action=Action_.DIRECT),
+        limits=OutputLimits(low=-1.0, high=1.0, rate=0.1),
+    ),
+]
+
+
 # Shrinking seven hundred samples would take longer than the whole suite.
 @settings(max_examples=60, deadline=None, phases=(Phase.explicit, Phase.reuse, Phase.generate))
 @given(st.data())
@@ -179,6 +197,8 @@ def test_no_data_make_an_exception_or_a_number_that_is_none(data: st.DataObject)
         pv_range=data.draw(st.none() | st.just((-1e6, 1e6))),
         op_range=(-1e6, 1e6),
         delay=data.draw(st.none() | st.just(3.0)),
+        known=data.draw(st.none() | st.sampled_from(SHEETS)),
+        tau_c=data.draw(st.none() | st.sampled_from([1e-9, 20.0, 1e9])),
     )
     json.dumps(assessment_body(found), allow_nan=False)
     assert found.grade.points is None or 0 <= found.grade.points <= 100

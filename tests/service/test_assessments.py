@@ -268,3 +268,13 @@ def test_no_list_reads_the_whole_documents(
         assert client.get(path).status_code == 200
     assert any("FROM assessment" in statement for statement in said)
     assert not any("assessment.body" in statement for statement in said)
+
+
+def test_settings_without_their_process_are_refused(
+    client: TestClient, tic101: dict[str, Any]
+) -> None:
+    answer = client.post(
+        f"/v1/loops/{tic101['id']}/assessments", json=DAY | {"running": {"Kc": 1.0}}
+    )
+    assert answer.status_code == 422
+    assert "running needs the process" in answer.text

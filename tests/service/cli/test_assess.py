@@ -9,7 +9,13 @@ import pyarrow.parquet as pq
 import pytest
 from sqlalchemy import URL
 
+from advice.assess import assess
+from advice.assessment_body import assessment_body
 from historian.samples import Samples
+from loop.controller import PID
+from loop.digital_pid import OutputLimits
+from loop.process import FOPDT
+from monitoring.known_loop import KnownLoop
 from service.actors import Actor, Role
 from service.cli import run
 from service.database import Database
@@ -71,6 +77,31 @@ def test_the_same_data_give_the_same_document_from_csv_and_parquet(
         assert found[0]["assessments"][0][name] == found[1]["assessments"][0][name]
 
 
+def test_a_stated_model_says_more_about_the_loop_of_a_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    samples = signals()
+    file = csv(tmp_path / "routine.csv", samples)
+    stated = ["--model", "FOPDT:1,600,240", "--settings", "0.5,600", "--tau-c", "300"]
+    assert run(["assess", str(file), *stated, "--json"]) == 0
+    control = json.loads(capsys.readouterr().out)["assessments"][0]["indices"]["control"]
+    known = KnownLoop(
+        process=FOPDT(K=1.0, tau=600.0, theta=240.0),
+        controller=PID(Kc=0.5, Ti=600.0),
+        limits=OutputLimits(low=0.0, high=100.0),
+    )
+    record = samples.record(tag="TIC-1")
+    alone = assessment_body(assess(record, known=known, tau_c=300.0))
+    assert control == alone["indices"]["control"]  # type: ignore[index,call-overload]
+    assert control["model"]["mismatch"]["verdict"] == "undecided"
+    assert control["desired_settling"]["tau_c"] == 300.0
+
+    parquet(tmp_path, "TIC-1", samples)
+    parquet(tmp_path, "TIC-2", samples)
+    assert run(["assess", str(tmp_path), *stated]) == 2
+    assert "--model belongs to one loop" in capsys.readouterr().err
+
+
 def test_the_worst_loop_comes_first_with_what_to_do(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -116,6 +147,9 @@ def test_a_day_of_the_installation_is_assessed_and_kept(
         ([], "state --day, or a file or folder to assess"),
         (["nowhere.csv"], "there is no file nowhere.csv"),
         (["nowhere.csv", "--pv-low", "0"], "state both --pv-low and --pv-high, or neither"),
+        (["x.csv", "--settings", "1,2"], "--settings needs the --model that they control"),
+        (["x.csv", "--tau-c", "0"], "--tau-c must lie within"),
+        (["--tau-c", "9", "--day", "2026-01-31"], "belong to a file"),
     ],
 )
 def test_a_wrong_call_is_told_in_a_sentence(
