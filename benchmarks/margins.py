@@ -116,7 +116,8 @@ def as_batch(plants: list[Plant]) -> tuple[ProcessBatch, PIDBatch]:
 def with_loopwright(plants: list[Plant]) -> list[Five]:
     """Compute all margins of all loops in one call."""
     found = batch_margins(*as_batch(plants))
-    return list(zip(found.gain, found.phase, found.delay, found.Ms, found.Mt, strict=True))
+    five = (found.gain, found.phase, found.delay, found.Ms, found.Mt)
+    return list(zip(*(numbers.tolist() for numbers in five), strict=True))
 
 
 def with_pade(plant: Plant, order: int) -> Five:

@@ -19,12 +19,29 @@ Counts: TypeAlias = npt.NDArray[np.integer[Any]]
 
 
 def _require(name: str, values: Real, good: Flags, range_in_words: str) -> None:
-    if not np.all(good):
+    if not good.all():
         raise ValueError(f"{name} must {range_in_words}, got {np.ravel(values[~good])[0]}")
 
 
 def _within(values: Real, smallest: float = SMALLEST) -> Flags:
     return np.asarray((values >= smallest) & (values <= LARGEST))
+
+
+def common_shape(*shapes: tuple[int, ...]) -> tuple[int, ...]:
+    """Shape that all broadcast to; numpy takes long to find it where they are alike.
+
+    Parameters
+    ----------
+    *shapes : tuple of int
+        Shapes of arrays.
+
+    Raises
+    ------
+    ValueError
+        The shapes do not broadcast.
+    """
+    different = {shape for shape in shapes if shape}
+    return different.pop() if len(different) == 1 else np.broadcast_shapes(*different)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +77,7 @@ class ProcessBatch:
         for item in fields(self):
             kind = np.int64 if item.name == "integrators" else np.float64
             given = np.asarray(getattr(self, item.name))
-            if kind is np.int64 and not np.all(np.isin(given, (0, 1, 2))):
+            if kind is np.int64 and not ((given == 0) | (given == 1) | (given == 2)).all():
                 raise ValueError("integrators must be 0, 1 or 2")
             object.__setattr__(self, item.name, given.astype(kind))
         limits = f"lie within {SMALLEST:g} and {LARGEST:g}"
@@ -73,7 +90,7 @@ class ProcessBatch:
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape of the batch after broadcasting."""
-        return np.broadcast_shapes(*(np.shape(getattr(self, f.name)) for f in fields(self)))
+        return common_shape(*(getattr(self, f.name).shape for f in fields(self)))
 
     @classmethod
     def of(cls, process: LagProcess) -> Self:
@@ -192,7 +209,7 @@ class PIDBatch:
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape of the batch after broadcasting."""
-        return np.broadcast_shapes(*(np.shape(getattr(self, f.name)) for f in fields(self)))
+        return common_shape(*(getattr(self, f.name).shape for f in fields(self)))
 
     @classmethod
     def of(cls, pid: PID) -> Self:

@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 import numpy.typing as npt
 
-from loop.batch import MarginBatch, PIDBatch, ProcessBatch
+from loop.batch import MarginBatch, PIDBatch, ProcessBatch, common_shape
 from loop.errors import UnstableLoop
 from loop.factors import FactoredLoop, polynomial_roots
 from loop.falling_batch import falling_margins
@@ -50,7 +50,7 @@ def batch_margins(
     hold = np.asarray(sample_time, dtype=float) / 2
     if not np.all((hold >= 0) & (hold <= LARGEST / 2)):
         raise ValueError(f"sample_time must lie within 0 and {LARGEST:g} s everywhere")
-    shape = np.broadcast_shapes(processes.shape, controllers.shape, hold.shape)
+    shape = common_shape(processes.shape, controllers.shape, hold.shape)
     found = _margins(LagLoops.of(processes, controllers, hold, shape))
     return MarginBatch(**{name: getattr(found, name).reshape(shape) for name in NAMES})
 
