@@ -27,6 +27,7 @@ ASKING = frozenset(
         "/v1/analysis/pole-regions",
         "/v1/cascades",
         "/v1/conditioning",
+        "/v1/detunings",
         "/v1/feed-forwards",
         "/v1/plans",
         "/v1/schedules",

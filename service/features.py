@@ -14,6 +14,7 @@ from service.assessments.routes import router as assessments
 from service.audit.routes import router as audit
 from service.cascades.routes import router as cascades
 from service.conditioning.routes import router as conditioning
+from service.detunings.routes import router as detunings
 from service.feed_forwards.routes import router as feed_forwards
 from service.frequencies.routes import router as frequencies
 from service.health import router as operation
@@ -33,7 +34,7 @@ from service.smooth_tunings.routes import router as smooth_tunings
 from service.tunings.routes import router as tunings
 
 ROUTERS: tuple[APIRouter, ...] = (
-    loops, samples, models, frequencies, tunings, smooth_tunings, analysis, conditioning,
+    loops, samples, models, frequencies, tunings, smooth_tunings, detunings, analysis, conditioning,
     smith_predictors, cascades, feed_forwards, schedules, simulations, plans, sheets, assessments,
     plantwide, jobs, keys, audit, operation
 )  # fmt: skip

@@ -69,6 +69,11 @@ COMMANDS = (
         "Tune as slowly as a load permits: smooth tuning, and averaging level control.",
     ),
     Entry(
+        "detune",
+        "service.cli.detune:detune",
+        "Choose settings by one knob from calm to fast, with the load area that each costs.",
+    ),
+    Entry(
         "condition",
         "service.cli.condition:condition",
         "Work out scan time, filters, N, b and Tt, and what noise does to the output.",

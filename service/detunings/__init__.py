@@ -1,0 +1,1 @@
+"""Settings by one knob from calm to fast; nothing is stored."""
