@@ -11,6 +11,7 @@ from advice.body import (
     profile_body,
     settings_body,
 )
+from advice.frequency import frequency_body
 from advice.model_body import (
     as_found_body,
     data_body,
@@ -178,6 +179,7 @@ def case_body(case: TuningCase) -> Body:
         "recommended": None if best is None else tuning_body(best),
         "recommended_reason": case.recommended_reason,
         "running": running,
+        "frequency": None if case.frequency is None else frequency_body(case.frequency),
         "as_found": None if case.as_found is None else as_found_body(case.as_found),
         "next_test": None if following is None else next_test_body(following),
     }

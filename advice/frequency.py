@@ -6,6 +6,7 @@ from advice.body import Body, Json, number, numbers
 from identification.frequency_fit import FrequencyFit, fit_frequency_response
 from identification.frequency_margins import MeasuredMargins, measured_margins
 from identification.frequency_response import FrequencyResponse, frequency_response
+from identification.frequency_test import looks_like_frequency_test
 from loop.controller import PID
 from loop.errors import FitNotTrusted, PoorExcitation
 from loop.record import Record
@@ -64,6 +65,24 @@ def frequency_case(record: Record, controller: PID | None = None) -> FrequencyCa
         controller=controller,
         margins=None if controller is None else measured_margins(response, controller),
     )
+
+
+def measured_beside(record: Record, controller: PID | None) -> FrequencyCase | None:
+    """Read the response of a record that is a frequency test, None for every other.
+
+    Parameters
+    ----------
+    record : Record
+        One loop over one stretch of time.
+    controller : PID or None
+        Settings whose margins are wanted.
+    """
+    if not looks_like_frequency_test(record):
+        return None
+    try:
+        return frequency_case(record, controller)
+    except PoorExcitation:
+        return None
 
 
 def frequency_body(case: FrequencyCase) -> Body:

@@ -1,12 +1,21 @@
 """Which way a record goes to a model: as an open-loop test, or as routine data in automatic."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from identification.closed_loop import identify_routine, is_routine
+from identification.frequency_response import frequency_response
+from identification.frequency_test import (
+    judge_measured,
+    judge_unmeasured,
+    looks_like_frequency_test,
+)
 from identification.identify import Identification, identify
 from identification.relay_model import relay_model
 from identification.running_controller import RunningController, running_controller
-from loop.errors import NoLimitCycle
+from identification.verdict import Verdict
+from loop.errors import NoLimitCycle, PoorExcitation
 from loop.record import Record
 
 
@@ -32,11 +41,35 @@ def identified(record: Record) -> Identification:
     if by_relay is not None:
         return by_relay
     if record.mode is None:
-        return identify_routine(record) if _set_point_moved(record) else identify(record)
-    found = identify(record)
+        return identify_routine(record) if _set_point_moved(record) else _test(record)
+    found = _test(record)
     if found.process is None and found.fitted is None and is_routine(record):
         return identify_routine(record)
     return found
+
+
+def _test(record: Record) -> Identification:
+    """Model of a test in open loop; that of a frequency test is held to the measured response."""
+    found = identify(record)
+    if found.process is None or found.structure is None or not looks_like_frequency_test(record):
+        return found
+    process = found.structure.process
+    assert process is not None  # noqa: S101 - a model that is used has its process
+    try:
+        finding = judge_measured(frequency_response(record), process)
+    except PoorExcitation as fact:
+        finding = judge_unmeasured(fact)
+    reason = finding.reason[:1].upper() + finding.reason[1:]
+    reasons = (*found.reasons, reason if reason.endswith(".") else f"{reason}.")
+    if finding.verdict is Verdict.TRUSTED:
+        return replace(found, reasons=reasons)
+    refused = Verdict.REFUSED in (finding.verdict, found.verdict)
+    return replace(
+        found,
+        process=None if refused else found.process,
+        verdict=Verdict.REFUSED if refused else Verdict.CARE,
+        reasons=(reasons[-1], *reasons[:-1]),
+    )
 
 
 def as_found(record: Record, model: Identification) -> RunningController | None:

@@ -9,6 +9,7 @@ The command line, the REST service and a notebook all call these functions:
 
 from dataclasses import dataclass, replace
 
+from advice.frequency import FrequencyCase, measured_beside
 from advice.identifying import as_found, identified
 from advice.rivals import for_all_readings
 from identification.identify import Identification
@@ -70,6 +71,8 @@ class TuningCase:
         Low-order models that stood for the process; empty where the rules take it as it is.
     running_full : FullProcess or None
         What the running settings keep on the process itself, where that was reduced.
+    frequency : FrequencyCase or None
+        Measured response, with the margins of the recommended settings on it, for a frequency test.
     as_found : RunningController or None
         What routine data say of the running settings, where nobody stated them.
     """
@@ -87,6 +90,7 @@ class TuningCase:
     reductions: tuple[Reduction, ...] = ()
     running_full: FullProcess | None = None
     as_found: RunningController | None = None
+    frequency: FrequencyCase | None = None
 
     @property
     def refused(self) -> bool:
@@ -158,12 +162,14 @@ def tune(
             + " ".join(model.reasons),
             running=running,
             as_found=read,
+            frequency=measured_beside(record, running),
         )
     case = _tuned(
         model.full or model.process, limits, tau_c=tau_c, scan_time=scan_time, running=running,
         record=record, model=model,
     )  # fmt: skip
-    return replace(case, as_found=read)
+    settings = running if case.best is None else case.best.proposal.pid
+    return replace(case, as_found=read, frequency=measured_beside(record, settings))
 
 
 def tune_process(

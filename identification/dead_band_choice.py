@@ -38,7 +38,8 @@ class Reading:
 def read_process(samples: Samples, experiment: Experiment) -> Reading:
     """Explain a record by a process alone, or by a valve with play before it.
 
-    Play is looked for where the process alone leaves something systematic, and taken where it
+    Play is looked for where the output is known move by move and the process alone leaves something
+    systematic, and taken where it
     stands four standard errors from nothing, lowers the criterion by ten for its two parameters and
     takes away half of what is systematic.
 
@@ -54,7 +55,9 @@ def read_process(samples: Samples, experiment: Experiment) -> Reading:
     choice = choose(samples, explanation, experiment.steps, experiment.spacing)
     alone = Reading(explanation=explanation, choice=choice)
     chosen = choice.chosen
-    if chosen.part <= MATERIAL and chosen.colour.inflation <= NEARLY_WHITE:
+    if not experiment.exact or (
+        chosen.part <= MATERIAL and chosen.colour.inflation <= NEARLY_WHITE
+    ):
         return alone
     band = fit_dead_band(samples, explanation.fit)
     for _ in range(2):  # what was taken for a drift without the play may be none with it

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.frequency_test import looks_like_frequency_test
 from identification.held_input import HeldInput, Indices
 from identification.steps import Step, find_moves
 from loop.errors import FitNotTrusted, PoorExcitation
@@ -34,6 +35,10 @@ class Experiment:
         The output as a held input.
     steps : tuple of Step
         Its moves.
+    exact : bool
+        Whether `held` has every change of the output; noise and very many moves are averaged.
+    waves : bool
+        Whether the record is a frequency test: waves, which are held nowhere.
     stated_before : bool
         Whether the first move comes from the output that the user states for the time before the
         first sample.
@@ -46,6 +51,8 @@ class Experiment:
     op: Real
     held: HeldInput
     steps: tuple[Step, ...]
+    exact: bool
+    waves: bool
     stated_before: bool
     notes: tuple[str, ...]
 
@@ -97,10 +104,14 @@ def read_experiment(record: Record) -> Experiment:
         )
     _require_open_loop(t, pv, op, None if record.sp is None else record.sp[used])
     stated = moves.steps[0].first == 0
-    held = _held(t, op, moves.anchors, moves.noise_sd, op_before if stated else None, notes)
+    waves = looks_like_frequency_test(record)
+    # What moves in every sample by design is no noise.
+    noise = 0.0 if waves else moves.noise_sd
+    held = _held(t, op, moves.anchors, noise, op_before if stated else None, notes)
     return Experiment(
-        t=t, pv=pv, op=op, held=held, steps=moves.steps, stated_before=stated, notes=tuple(notes)
-    )
+        t=t, pv=pv, op=op, held=held, steps=moves.steps, waves=waves,
+        exact=noise == 0 and held.moves < MOST_MOVES, stated_before=stated, notes=tuple(notes),
+    )  # fmt: skip
 
 
 def _require_samples(count: int, which: str) -> None:

@@ -328,12 +328,13 @@ def _findings(
         width=max(fit.tau / 4, 5 * experiment.spacing),
         weight=samples.weight,
     )
+    # Waves hold nowhere, and Smith's reading knows nothing of a valve that does not follow.
+    one_by_one = not (experiment.waves or described.dead_band)
     findings = [
-        judge_length(fit, described.steps, float(samples.t[-1])),
+        *([] if experiment.waves else [judge_length(fit, described.steps, float(samples.t[-1]))]),
         judge_misfit(misfit, swing, steps[0].start),
         *judge_rival(explanation),
-        # Smith's reading knows nothing of a valve that does not follow.
-        *([] if described.dead_band else judge_two_point(fit, described.steps)),
+        *(judge_two_point(fit, described.steps) if one_by_one else []),
         *judge_timing(fit, experiment),
         judge_errors(fit, intervals),
         judge_dead_time(fit, intervals[2], experiment.spacing),

@@ -67,7 +67,8 @@ def judge_structure(
         return findings
     tau, late = first_order_equivalent(chosen)
     like = replace(fit, tau=tau, theta=late)
-    findings.append(_length(like, hold))
+    if not experiment.waves:
+        findings.append(_length(like, hold))
     lagged = chosen.structure is not PURE_DELAY
     return findings + judge_timing(like, experiment, lagged=lagged)
 

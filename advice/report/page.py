@@ -17,6 +17,7 @@ from advice.next_test import after, next_test_sentences
 from advice.report.analysis_section import analysis_of, analysis_sections
 from advice.report.fan_figures import fan_figures
 from advice.report.fit_figures import fit, residual
+from advice.report.frequency_figures import frequency_sections
 from advice.report.loop_figures import (
     Candidate,
     Course,
@@ -221,6 +222,7 @@ def sections_of(case: TuningCase) -> list[Section]:
             ),
         }
         sections.append(section("Fit", drawn))
+    sections += frequency_sections(case)
     shown = candidates_of(case)
     if case.process is None or not shown:
         return sections

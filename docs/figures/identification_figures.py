@@ -8,7 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from docs.figures.style import ACCENT, Draw, band, data, held, label, model, panels
+from docs.figures.style import ACCENT, Draw, band, data, held, label, model, panels, truth
+from identification.frequency_response import frequency_response as measured
 from identification.identify import identify
 from loop.open_loop import process_output
 from loop.process import FOPDT
@@ -63,7 +64,36 @@ def dead_band() -> Figure:
     return figure
 
 
+def frequency_response() -> Figure:
+    """A multisine: measured points with their band, and the true response."""
+    t = 0.5 * np.arange(3000)
+    lines = np.arange(1, 31)
+    waves = [np.sin(2 * np.pi / 750 * k * t - np.pi * k * (k - 1) / 30) for k in lines.tolist()]
+    op = 40 + 5 * np.sum(waves, axis=0) / np.max(np.abs(np.sum(waves, axis=0)))
+    process = FOPDT(K=2.0, tau=20.0, theta=5.0)
+    pv = process_output(process, t, op, pv0=80.0)
+    pv += np.random.default_rng(0).normal(0.0, 0.2, t.size)
+    found = measured(Record(t=t, pv=pv, op=op))
+    size, phase = np.abs(found.G), np.degrees(np.unwrap(np.angle(found.G)))
+    part = 1.96 * found.sd / size / 2**0.5
+    w = np.geomspace(found.w[0], found.w[-1], 200)
+    figure, (top, bottom) = panels(2)
+    band(top, found.w, size * np.exp(-part), size * np.exp(part), "95 % band")
+    data(top, found.w, size, "measured")
+    truth(top, w, process.K / np.abs(1j * w * process.tau + 1), "true process")
+    top.set(xscale="log", yscale="log")
+    label(top, y="|G| [°C/%]", title="Response measured by a multisine", legend="lower left")
+    turn = np.degrees(part)
+    band(bottom, found.w, phase - turn, phase + turn)
+    data(bottom, found.w, phase)
+    truth(bottom, w, -np.degrees(np.arctan(w * process.tau) + w * process.theta))
+    bottom.set_xscale("log")
+    label(bottom, x="Frequency [rad/s]", y="Phase [°]")
+    return figure
+
+
 FIGURES: Mapping[str, Draw] = {
     "dead-band": dead_band,
     "fopdt-least-squares": fopdt_least_squares,
+    "frequency-response": frequency_response,
 }
