@@ -156,17 +156,16 @@ def _fast_eta(error: Real, delay: int, order: int) -> tuple[float, float | None,
 
     The products across the seams of the blocks are left out: 8 (b + m) of n.
     """
-    z = error - float(np.mean(error))
     blocks = min(error.size // (FEWEST_PER_ORDER * order + delay), MOST_BLOCKS) or 1
-    rows = z[: z.size // blocks * blocks].reshape(blocks, -1)
-    r = np.pad(_block_products(rows, delay + order), ((0, 0), (0, 1))) / rows.shape[1]
+    rows = error[: error.size // blocks * blocks].reshape(blocks, -1)
+    products = _block_products(rows, delay + order, mean=float(np.mean(error)))
+    r = np.pad(products, ((0, 0), (0, 1))) / rows.shape[1]
     eta = _fast_etas(r.mean(axis=0), [delay], order)[0]
-    moving = [row for row in r if row[0] > 0]
-    return eta, *_interval([_fast_etas(row, [delay], order)[0] for row in moving], eta)
+    return eta, *_interval(_row_etas(r[r[:, 0] > 0], delay, order), eta)
 
 
-def _block_products(rows: Real, lags: int) -> Real:
-    """Sum over t of z[t] z[t+k] of every row for k = 0..lags - 1.
+def _block_products(rows: Real, lags: int, *, mean: float = 0.0) -> Real:
+    """Sum over t of z[t] z[t+k] of every row less the mean for k = 0..lags - 1.
 
     A row laid out in lines of `lags` samples gives them all by one matrix product, twice as fast
     as the transform while there are few.
@@ -174,18 +173,18 @@ def _block_products(rows: Real, lags: int) -> Real:
     count, n = rows.shape
     if lags > FEW_LAGS:
         length = scipy.fft.next_fast_len(n + lags, real=True)
-        X = scipy.fft.rfft(rows, length, axis=1)
+        X = scipy.fft.rfft(rows - mean, length, axis=1)
         return np.asarray(scipy.fft.irfft(X.real**2 + X.imag**2, length, axis=1)[:, :lags])
     lines = -(-n // lags)
     padded = np.zeros((lines + 1) * lags)
+    A = padded.reshape(lines + 1, lags)
+    B = np.empty((count, lags, 2 * lags))
+    for row, found in zip(rows, B, strict=True):
+        np.subtract(row, mean, out=padded[:n])
+        np.matmul(A[:-1].T, A[:-1], out=found[:, :lags])
+        np.matmul(A[:-1].T, A[1:], out=found[:, lags:])
     i = np.arange(lags)
-    products = np.empty((count, lags))
-    for row, found in zip(rows, products, strict=True):
-        padded[:n] = row
-        A = padded.reshape(lines + 1, lags)
-        B = A[:-1].T @ np.hstack([A[:-1], A[1:]])
-        found[:] = B[i, i + i[:, None]].sum(axis=1)
-    return products
+    return np.asarray(B[:, i, i + i[:, None]].sum(axis=2))
 
 
 def _eta(error: Real, delay: int, order: int) -> float:
@@ -213,6 +212,16 @@ def _fast_etas(r: Real, delays: list[int], order: int) -> list[float]:
             float(np.clip(1 - right @ cho_solve(factor, right, check_finite=False), 0.0, 1.0))
         )
     return etas
+
+
+def _row_etas(r: Real, delay: int, order: int) -> list[float]:
+    """Eta of every row at one delay; solving them at once takes the time of two."""
+    rho = r / r[:, :1]
+    i = np.arange(order)
+    matrices = rho[:, np.abs(i[:, None] - i)] + 1e-12 * np.eye(order)
+    right = rho[:, delay : delay + order, None]
+    explained = np.sum(right * np.linalg.solve(matrices, right), axis=(1, 2))
+    return [float(eta) for eta in np.clip(1 - explained, 0.0, 1.0)]
 
 
 def _flat_horizon(error: Real, order: int, most: int, *, fast: bool) -> int:

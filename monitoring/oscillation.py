@@ -15,7 +15,14 @@ import numpy as np
 from loop.signals import Flags, Real
 from monitoring.basis import Basis, Setting, graded, refusal
 from monitoring.bursts import BURST, BurstSearch
-from monitoring.regularity import acf_regularity, band_wave
+from monitoring.regularity import (
+    ENVELOPE_POINTS,
+    FEW_POINTS,
+    acf_regularity,
+    band_wave,
+    is_long,
+    spectrum_regularity,
+)
 from monitoring.spectrum import BandFilter, band_pass
 
 FEWEST_CYCLES = 6
@@ -26,6 +33,7 @@ COARSE_PERIOD = 8.0
 BAND = 2**0.4
 MOST_OSCILLATIONS = 3
 PERSISTENT_SHARE = 0.6
+ENOUGH_POWERS = 8192
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,7 +147,13 @@ class Oscillation:
 
 
 def oscillation(
-    error: Real, dt: float, *, share: float = 1.0, compressed: bool = False, segments: bool = True
+    error: Real,
+    dt: float,
+    *,
+    share: float = 1.0,
+    compressed: bool = False,
+    segments: bool = True,
+    most: int = MOST_OSCILLATIONS,
 ) -> Oscillation:
     """Find the oscillations of a control error.
 
@@ -155,10 +169,13 @@ def oscillation(
         Whether the historian compressed PV beyond what spectra bear.
     segments : bool
         Look for oscillations that last for a part of the record only, too.
+    most : int
+        Stop after so many.
     """
     if error.size < FEWEST_SAMPLES:
         return _undecided(f"{error.size} samples are fewer than {FEWEST_SAMPLES}", share)
-    if not np.ptp(error) > 1e-12 * float(np.max(np.abs(error))):
+    low, high = float(np.min(error)), float(np.max(error))
+    if not high - low > 1e-12 * max(high, -low):
         why = "the error does not move"
         return Oscillation(
             verdict=OscillationVerdict.NONE, components=(),
@@ -166,12 +183,12 @@ def oscillation(
         )  # fmt: skip
     seen = _Seen(error)
     found: list[OscillationComponent] = []
-    while len(found) < MOST_OSCILLATIONS:
+    while len(found) < most:
         component = _of_whole(seen, dt, found)
         if component is None:
             break
         found.append(component)
-    while segments and len(found) < MOST_OSCILLATIONS:
+    while segments and len(found) < most:
         component = _of_part(seen, dt, found)
         if component is None:
             break
@@ -322,14 +339,20 @@ def _component(
     rest: float,
 ) -> OscillationComponent | None:
     """Filter to the band and hold the oscillation to its limits; period in samples."""
-    wave = band_wave(seen.filter, period, width=BAND)
+    steady = None
+    if region == (0, seen.error.size) and is_long(seen.error.size, period):
+        steady = spectrum_regularity(seen.filter, period, width=BAND)
+        if steady[1] < limits.regularity or steady[2] < limits.lasting:
+            return None
+    points = FEW_POINTS if steady else ENVELOPE_POINTS
+    wave = band_wave(seen.filter, period, width=BAND, points=points)
     step = wave.step
     start, stop = int(region[0] / step), int(np.ceil(region[1] / step))
     variance = float(np.var(seen.error[slice(*region)]))
     share = float(np.mean(wave.square[start:stop])) / variance if variance > 0 else 0.0
     if share < limits.share * rest:
         return None
-    mean_period, regularity, lasting = wave.regularity(start, stop)
+    mean_period, regularity, lasting = steady or wave.regularity(start, stop)
     if regularity < limits.regularity or lasting < limits.lasting:
         return None
     first, last, active, amplitude = _activity(wave.square, period / step, (start, stop))
@@ -363,12 +386,19 @@ def _activity(
     sums = np.cumsum(np.r_[0.0, square])
     power = np.maximum(sums[window:] - sums[:-window], 0.0) / window
     there = power[region[0] : max(region[1] - window, region[0] + 1)]
-    active = power >= 0.25 * float(np.quantile(there, 0.9))
-    places = np.flatnonzero(active)
-    breaks = np.flatnonzero(np.diff(places) > 2 * window)
-    starts = places[np.r_[0, breaks + 1]]
-    ends = places[np.r_[breaks, places.size - 1]]
-    part = places.size / power.size
+    # A quantile is known from so many samples; sorting all of a day would only take time.
+    there = there[:: max(there.size // ENOUGH_POWERS, 1)]
+    place = 0.9 * (there.size - 1)
+    below, above = int(place), min(int(place) + 1, there.size - 1)
+    parted = np.partition(there, (below, above))
+    high = float(parted[below] + (place - below) * (parted[above] - parted[below]))
+    active = power >= 0.25 * high
+    turns = np.flatnonzero(active[1:] != active[:-1]) + 1
+    edges = np.r_[0, turns, active.size]
+    starts, ends = (edges[k : edges.size - 1 + k][int(not active[0]) :: 2] for k in (0, 1))
+    apart = starts[1:] - ends[:-1] + 1 > 2 * window
+    starts, ends = starts[np.r_[True, apart]], ends[np.r_[apart, True]] - 1
+    part = int(np.count_nonzero(active)) / power.size
     best = int(np.argmax(ends - starts))
     first, last = int(starts[best]), int(ends[best]) + window
     if part >= PERSISTENT_SHARE:

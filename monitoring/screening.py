@@ -22,7 +22,8 @@ class Screening:
     Attributes
     ----------
     oscillation : Oscillation
-        Oscillations that last for most of the record; bursts are left to the full assessment.
+        The strongest oscillation of the whole record; weaker ones and those of a part of it are
+        left to the full assessment.
     minimum_variance : MinimumVariance
         Minimum-variance index at the delay given.
     cross_correlation : CrossCorrelation or None
@@ -53,7 +54,7 @@ def screen(stretch: Stretch, *, delay: int = 1, eta_least: float = 0.3) -> Scree
         Index below which the loop is flagged. [-]
     """
     error = stretch.error
-    swings = oscillation(error, stretch.dt, share=stretch.share, segments=False)
+    swings = oscillation(error, stretch.dt, share=stretch.share, segments=False, most=1)
     main = swings.main
     period = USUAL_PERIOD if main is None else main.period / stretch.dt
     best = minimum_variance(error, delay=delay, share=stretch.share)

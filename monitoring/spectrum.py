@@ -17,6 +17,10 @@ BANDS = 4
 WIDE_BAND = 4
 # Bins that make a median of a wide band; the rest would only take time.
 ENOUGH_BINS = 128
+# Samples worked on at once: a day's worth of temporary memory costs more time than the sums.
+BLOCK = 8192
+# Groups of bins that tell an autocovariance of a few periods.
+GROUPS = 128
 # Median of an exponential distribution over its mean.
 MEDIAN_OF_EXPONENTIAL = float(np.log(2))
 
@@ -58,11 +62,7 @@ def power_spectrum(signal: Real) -> Real:
     signal : ndarray, shape (n,)
         Evenly sampled signal without gaps.
     """
-    return np.asarray(_power(signal[None])[0])
-
-
-def _power(rows: Real) -> Real:
-    X = scipy.fft.rfft(_without_line(rows) * _hann(rows.shape[1]), axis=1)
+    X = scipy.fft.rfft(_without_line(signal) * _hann(signal.size))
     return np.asarray(X.real**2 + X.imag**2)
 
 
@@ -76,11 +76,17 @@ def _way(length: int) -> Real:
     return np.linspace(-1.0, 1.0, length)
 
 
-def _without_line(rows: Real) -> Real:
-    """Take mean and slope off every row."""
-    way = _way(rows.shape[1])
-    slopes = rows @ way / float(way @ way)
-    return np.asarray(rows - rows.mean(axis=1, keepdims=True) - slopes[:, None] * way)
+def _without_line(signal: Real) -> Real:
+    """Take mean and slope off."""
+    way = _way(signal.size)
+    slope = float(signal @ way) / float(way @ way)
+    mean = float(signal.mean())
+    still = np.empty(signal.size)
+    for a in range(0, signal.size, BLOCK):
+        line = slope * way[a : a + BLOCK]
+        line += mean
+        np.subtract(signal[a : a + BLOCK], line, out=still[a : a + BLOCK])
+    return still
 
 
 def smooth_floor(power: Real, *, apart: int = 1) -> Real:
@@ -147,6 +153,22 @@ class Envelope:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lags:
+    """An autocovariance as r(k) of Re(r(k) exp(2 pi i cycles k)), in no unit.
+
+    Attributes
+    ----------
+    r : ndarray of complex, shape (m,)
+        Slow part.
+    cycles : float
+        Cycles of the carrier a lag.
+    """
+
+    r: NDArray[np.complex128]
+    cycles: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BandFilter:
     """A signal's spectrum, mean and slope off, from which any band can be cut.
 
@@ -168,7 +190,7 @@ class BandFilter:
     def of(cls, signal: Real) -> Self:
         """Transform an evenly sampled signal without gaps."""
         length = scipy.fft.next_fast_len(signal.size, real=True)
-        still = _without_line(signal[None])[0]
+        still = _without_line(signal)
         spectrum = scipy.fft.rfft(still, length)
         return cls(signal=still, length=length, spectrum=np.asarray(spectrum))
 
@@ -184,13 +206,23 @@ class BandFilter:
         of three neighbours of the spectrum: no second transform.
         """
         X = self.spectrum
-        last = np.conj(X[-2 if self.length % 2 == 0 else -1])
-        windowed = 0.5 * X
-        windowed[1:] -= 0.25 * X[:-1]
-        windowed[:-1] -= 0.25 * X[1:]
-        windowed[0] -= 0.25 * np.conj(X[1])
-        windowed[-1] -= 0.25 * last
-        return np.asarray(windowed.real**2 + windowed.imag**2)
+        # The neighbours beyond both ends are reflections.
+        behind = np.conj(X[-2 if self.length % 2 == 0 else -1])
+        edges = np.array([2 * X[0] - np.conj(X[1]) - X[1], 2 * X[-1] - X[-2] - behind]) / 4
+        parts = X.view(np.float64)
+        power = np.empty(X.size)
+        power[[0, -1]] = edges.real**2 + edges.imag**2
+        room = np.empty(2 * BLOCK)
+        for a in range(1, X.size - 1, BLOCK):
+            b = min(a + BLOCK, X.size - 1)
+            windowed = room[: 2 * (b - a)]
+            np.add(parts[2 * a - 2 : 2 * b - 2], parts[2 * a + 2 : 2 * b + 2], out=windowed)
+            windowed *= -0.5
+            windowed += parts[2 * a : 2 * b]
+            windowed *= windowed
+            np.add(windowed[::2], windowed[1::2], out=power[a:b])
+        power[1:-1] /= 4
+        return power
 
     def lines(self, *, fewest_cycles: int, shortest: float) -> Lines:
         """Compare the power with its smooth floor.
@@ -252,11 +284,41 @@ class BandFilter:
         shifted[: kept.size - centre] = kept[centre:]
         shifted[-centre:] = kept[:centre]
         step = self.length / length
-        z = np.asarray(scipy.fft.ifft(shifted)) * (2 / step)
+        shifted *= 2 / step
+        z = np.asarray(scipy.fft.ifft(shifted, overwrite_x=True))
         return Envelope(
             z=z[: int(np.ceil(self.n / step))], step=step,
             cycles=(first + centre) * step / self.length,
         )  # fmt: skip
+
+    def lag_products(self, period: float, *, width: float, step: float, lags: int) -> Lags:
+        """The band's autocovariance at lags 0, 1 ... `lags` of `step` samples, as an envelope.
+
+        It is the transform of the band's power, here of `GROUPS` groups of its bins, each at its
+        centre of gravity: lags short against the record do not tell the bins of a group apart.
+
+        Parameters
+        ----------
+        period : float
+            Centre of the band. [samples]
+        width : float
+            Upper over middle frequency, above 1. [-]
+        step : float
+            Distance of the lags. [samples]
+        lags : int
+            How many.
+        """
+        first, gain = self._gain(period, width, self.spectrum.size)
+        kept = self.spectrum[first : first + gain.size]
+        power = (kept.real**2 + kept.imag**2) * gain**2
+        groups = min(GROUPS, power.size)
+        starts = np.arange(groups) * power.size // groups
+        sums = np.add.reduceat(power, starts)
+        places = np.add.reduceat(power * np.arange(power.size), starts)
+        away = places / np.maximum(sums, np.finfo(np.float64).tiny) - kept.size // 2
+        turns = (2j * np.pi * step / self.length) * away[:, None] * np.arange(lags + 1)
+        r = sums @ np.exp(turns)
+        return Lags(r=r, cycles=(first + kept.size // 2) * step / self.length)
 
     def _wave(self, period: float, width: float, length: int) -> Real:
         first, band = self._band(period, width, length // 2 + 1)
@@ -266,12 +328,20 @@ class BandFilter:
 
     def _band(self, period: float, width: float, bins: int) -> tuple[int, NDArray[np.complex128]]:
         """First bin of the band and its part of the spectrum, with soft edges."""
+        first, gain = self._gain(period, width, bins)
+        return first, self.spectrum[first : first + gain.size] * gain
+
+    def _gain(self, period: float, width: float, bins: int) -> tuple[int, Real]:
+        """First bin of the band and its gains, with soft edges in log frequency."""
         middle = self.length / period
         first, stop = max(int(middle / width**2), 0), min(int(middle * width**2) + 2, bins)
-        cycles = np.maximum(np.arange(first, stop), 0.5)
-        octaves = np.abs(np.log(cycles * period / self.length))
-        gain = np.clip(2 - octaves / np.log(width), 0.0, 1.0)
-        return first, self.spectrum[first:stop] * gain
+        gain = np.ones(stop - first)
+        flat = np.clip([middle / width - first, middle * width + 1 - first], 0, gain.size)
+        for part in (slice(0, int(flat[0]) + 1), slice(int(flat[1]), None)):
+            cycles = np.maximum(np.arange(first, stop)[part], 0.5)
+            octaves = np.abs(np.log(cycles / middle))
+            gain[part] = np.clip(2 - octaves / np.log(width), 0.0, 1.0)
+        return first, gain
 
 
 def band_pass(signal: Real, period: float, *, width: float) -> Real:

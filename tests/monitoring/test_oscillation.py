@@ -8,7 +8,7 @@ from monitoring.acf_decay import acf_decay
 from monitoring.basis import Confidence
 from monitoring.half_periods import half_periods
 from monitoring.oscillation import OscillationVerdict, oscillation
-from monitoring.regularity import acf_regularity, envelope_regularity
+from monitoring.regularity import acf_regularity, envelope_regularity, spectrum_regularity
 from monitoring.spectrum import BandFilter, band_pass, power_spectrum
 
 
@@ -143,10 +143,14 @@ def test_the_regularity_of_an_envelope_is_that_of_the_wave(period: float) -> Non
     band = BandFilter.of(signal)
     slow = band.envelope(period, width=2**0.4, points=2.5)
     fine = band_pass(signal, period, width=2**0.4)
-    one, other = envelope_regularity(slow, 0, slow.z.size, period), acf_regularity(fine, period)
-    assert one[0] == pytest.approx(other[0], rel=2e-3)
-    assert one[1] == pytest.approx(other[1], rel=0.15)
-    assert one[2] == pytest.approx(other[2], rel=2e-3)
+    other = acf_regularity(fine, period)
+    for one in (
+        envelope_regularity(slow, 0, slow.z.size, period),
+        spectrum_regularity(band, period, width=2**0.4),
+    ):
+        assert one[0] == pytest.approx(other[0], rel=2e-3)
+        assert one[1] == pytest.approx(other[1], rel=0.15)
+        assert one[2] == pytest.approx(other[2], rel=5e-3)
     still = BandFilter.of(np.zeros(20_000)).envelope(9.0, width=2**0.4, points=2.5)
     assert envelope_regularity(still, 0, still.z.size, 9.0) == (9.0, 0.0, 0.0)
 
@@ -160,6 +164,23 @@ def test_a_long_record_is_answered_like_a_short_one() -> None:
     assert long.period == pytest.approx(short.period, rel=1e-3)
     assert long.amplitude == pytest.approx(short.amplitude, rel=0.02)
     assert long.end == 30_000
+    assert not oscillation(noise(30_000, 9, 0.9), 1.0, segments=False).oscillates
+
+
+def test_a_burst_in_a_long_record_is_read_from_the_envelope_of_its_part() -> None:
+    x = 0.2 * noise(30_000, 1)
+    x[9000:10_000] += wave(1000, 12.0)
+    main = oscillation(x, 1.0).main
+    assert main is not None
+    assert (main.start, main.end) == pytest.approx((9000, 10_000), abs=30)
+    assert main.period == pytest.approx(12.0, rel=2e-3)
+    assert not main.persistent
+
+
+def test_as_many_oscillations_are_looked_for_as_asked() -> None:
+    x = wave(2000, 20.0) + 1.2 * wave(2000, 133.0) + 0.3 * noise(2000)
+    assert len(oscillation(x, 1.0, most=1).components) == 1
+    assert oscillation(x, 1.0, most=1).main == oscillation(x, 1.0).main
 
 
 @pytest.mark.parametrize("n", [1000, 1125])
