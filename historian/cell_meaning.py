@@ -3,6 +3,7 @@
 import numpy as np
 
 from historian.accounting import Ledger
+from historian.arrow_views import different
 from historian.cells import Places, Words
 from historian.modes import mode_of
 from historian.plan import Plan
@@ -33,7 +34,7 @@ def account_odd_cells(
     """
     kept = used[rows]
     rows, places = rows[kept], words.places[kept]
-    for place in np.unique(places).tolist():
+    for place in different(places):
         word, where = words.words[place], rows[places == place]
         if is_bad_word(word) or (is_quality_word(word) and not is_good_word(word)):
             ledger.gap_word(tag, word, where.size)
@@ -66,7 +67,7 @@ def blank_bad_quality(
     if not bad.size:
         return values
     pairs = tags.places[bad] * len(quality.words) + quality.places[bad]
-    for pair in np.unique(pairs).tolist():
+    for pair in different(pairs):
         tag = tags.words[pair // len(quality.words)]
         word = quality.words[pair % len(quality.words)]
         rows = bad[pairs == pair]

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from historian.accounting import NO_TAG, NO_TIME, NOT_A_TIME, Ledger
+from historian.arrow_views import different
 from historian.cell_meaning import account_odd_cells, blank_bad_quality, modes_of
 from historian.cells import Cells, Words
 from historian.errors import ExportRefused
@@ -90,7 +91,7 @@ class LongRows:
     def _reject(self, cells: Cells, words: Words, used: Flags, blank: Flags) -> None:
         bad = np.flatnonzero(~used)
         column = self._columns.time.columns[-1]
-        for place in np.unique(words.places[bad]).tolist():
+        for place in different(words.places[bad]):
             rows = bad[words.places[bad] == place]
             late = rows[~blank[rows]]
             texts = partial(cells.time_text_at, column, late)
@@ -148,7 +149,7 @@ class LongRows:
             if count:
                 self._ledger.empty[tag] += count
         tags = words.places[rows]
-        for place in np.unique(tags).tolist():
+        for place in different(tags):
             here = tags == place
             account_odd_cells(
                 self._ledger, words.words[place], rows[here],

@@ -11,6 +11,7 @@ from historian.table_shape import Table
 
 _ONE_GROUP = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}\Z", re.ASCII)
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
+_IN_NO_NUMBER = re.compile(r"[^0-9eE+\-.,'\s\u00a0\u202f\u2009\u2019\u2212]")
 _POINT_GROUP = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}\Z", re.ASCII)
 _EXPONENT = re.compile(r"[eE][+-]?\d+\Z", re.ASCII)
 
@@ -101,5 +102,7 @@ def _marks(table: Table, assignment: Assignment) -> _Marks:
 
 
 def _is_number(cell: str) -> bool:
+    if _IN_NO_NUMBER.search(cell):  # quickly, as every stamp comes by here
+        return False
     formats = (NumberFormat(), NumberFormat(","))
     return grouping_of(cell) != "" or any(f.read(cell) is not None for f in formats)

@@ -151,6 +151,8 @@ def _after_data_section(lines: list[tuple[int, str]], notes: list[str]) -> int:
 def _decide_delimiter(lines: list[str]) -> str:
     best, best_score = "", 0.0
     for delimiter in DELIMITERS:
+        if not any(delimiter in line for line in lines):
+            continue
         rows = [split_cells(line, delimiter) for line in lines]
         width = _decide_width(rows)
         fitting = [row for row in rows if len(row) == width]

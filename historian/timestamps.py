@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from historian.arrow_views import different
 from historian.stamp_shape import MONTHS, Shape, Span, shape_of
 from loop.signals import Flags
 
@@ -173,7 +174,7 @@ def _by_width(stamps: pa.Array) -> list[tuple[Counts | None, Bytes]]:
         flat = data[offsets[0] : offsets[-1]].reshape(count, width)
         return [(None, np.ascontiguousarray(flat.T))] if width else []
     split: list[tuple[Counts | None, Bytes]] = []
-    for width in np.unique(widths).tolist():
+    for width in different(widths):
         if 0 < width <= 64:
             rows = np.flatnonzero(widths == width)
             split.append((rows, data[offsets[rows] + np.arange(width)[:, None]]))
