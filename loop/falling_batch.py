@@ -8,18 +8,14 @@ bounds the gain just so.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Self, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from loop.batch import MarginBatch
 from loop.lag_loops import LagLoops
 from loop.signals import Flags, Real
 from loop.stability import ON_THE_AXIS, ROUNDING
-
-Rows: TypeAlias = npt.NDArray[np.intp]
+from loop.unit_dead_time import Rows, UnitDeadTime
 
 # Powers of time constants, in units of the dead time, stay far from overflow within these.
 LARGEST_RATIO = 1e8
@@ -34,90 +30,8 @@ ABOVE = np.arange(17)[:, None] / 15
 FIRST_LOOK = np.arange(11)[:, None] / 10
 # Summits this close to the highest, point by point, might be the higher ones between them.
 RIVAL = 0.64
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Shape:
-    """Loops in units of their dead time, with |1 + b s + c s^2|^2 = 1 + beta x + c2 x^2.
-
-    `base` is the phase above -180° that the integrators leave. Frequencies run along the first
-    axis, loops along the last.
-    """
-
-    log_k: Real
-    order: Real
-    base: Real
-    b: Real
-    c: Real
-    beta: Real
-    c2: Real
-    lags: tuple[Real, ...]
-    squares: tuple[Real, ...]
-
-    @classmethod
-    def of(cls, loops: LagLoops) -> Self:
-        lags = tuple(T / loops.theta for T in loops.lags)
-        b, c = loops.b / loops.theta, loops.c / (loops.theta * loops.theta)
-        return cls(
-            log_k=loops.log_k + loops.order * np.log(loops.theta),
-            order=loops.order,
-            base=(1 - 0.5 * loops.order) * math.pi,
-            b=b,
-            c=c,
-            beta=b * b - 2 * c,
-            c2=c * c,
-            lags=lags,
-            squares=tuple(T * T for T in lags),
-        )
-
-    def take(self, rows: Rows) -> "_Shape":
-        """Pick loops by index; one may repeat."""
-        return _Shape(
-            self.log_k[rows],
-            self.order[rows],
-            self.base[rows],
-            self.b[rows],
-            self.c[rows],
-            self.beta[rows],
-            self.c2[rows],
-            tuple(T[rows] for T in self.lags),
-            tuple(T2[rows] for T2 in self.squares),
-        )
-
-    @property
-    def weak(self) -> Flags:
-        """Loops whose falling gain is below 1 from the start."""
-        return np.asarray((self.order == 0) & (self.log_k < 0))
-
-    def lead(self, w: Real, x: Real) -> Real:
-        """Phase that the zeros add. [rad]"""
-        return np.arctan2(self.b * w, 1 - self.c * x)
-
-    def lag(self, w: Real) -> Real:
-        """Phase that lags and dead time take. [rad]"""
-        total = w
-        for T in self.lags:
-            total = total + np.arctan(T * w)
-        return total
-
-    def above(self, w: Real, x: Real) -> Real:
-        """Phase above -180° at w, x being its square. [rad]"""
-        return self.lead(w, x) - self.lag(w) + self.base
-
-    def lead_rate(self, x: Real, zeros: Real) -> Real:
-        """Return d lead / dw, `zeros` being |1 + b s + c s^2|^2."""
-        return self.b * (1 + self.c * x) / zeros
-
-    def lag_rate(self, x: Real) -> Real:
-        """Return d lag / dw; it falls with w, so that steps over it never go too far."""
-        rate: Real = np.ones(1)
-        for T, T2 in zip(self.lags, self.squares, strict=True):
-            rate = rate + T / (1 + T2 * x)
-        return rate
-
-    def zeros(self, x: Real) -> Real:
-        """|1 + b s + c s^2|^2 on the imaginary axis."""
-        return 1 + x * (self.beta + self.c2 * x)
+# Loops at a time on all points: a dozen arrays of this many by 45 fit the processor's cache.
+AT_A_TIME = 256
 
 
 def falling_margins(loops: LagLoops) -> tuple[MarginBatch, Flags]:
@@ -141,7 +55,7 @@ def falling_margins(loops: LagLoops) -> tuple[MarginBatch, Flags]:
     Ms, Mt = np.full(n, math.inf), np.full(n, math.inf)
     rows = np.flatnonzero(_falls(loops))
     if rows.size:
-        shape = _Shape.of(loops if rows.size == n else loops.take(rows))
+        shape = UnitDeadTime.of(loops if rows.size == n else loops.take(rows))
         w, crossed = _anchor(shape)
         above = shape.above(w, w * w)
         proven[rows[crossed & (above < ON_THE_AXIS)]] = True
@@ -193,7 +107,7 @@ def _falls(loops: LagLoops) -> Flags:
     )
 
 
-def _anchor(shape: _Shape) -> tuple[Real, Flags]:
+def _anchor(shape: UnitDeadTime) -> tuple[Real, Flags]:
     """A frequency below the first phase crossover, and whether it was found.
 
     That is the gain crossover or, where the gain is below 1 everywhere, one at which lags and dead
@@ -210,7 +124,7 @@ def _anchor(shape: _Shape) -> tuple[Real, Flags]:
     return w, crossed
 
 
-def _gain_crossover(shape: _Shape) -> tuple[Real, Flags]:
+def _gain_crossover(shape: UnitDeadTime) -> tuple[Real, Flags]:
     """Solve |L| = 1 by Newton's method on the Bode plot; also whether that converged."""
     u = np.clip(2 * shape.log_k / np.maximum(shape.order, 1.0), -20.0, 20.0)
     for _ in range(STEPS):
@@ -231,7 +145,7 @@ def _gain_crossover(shape: _Shape) -> tuple[Real, Flags]:
     return np.exp(0.5 * u), converged & (np.abs(u) < LARGEST_LOG_SQUARE)
 
 
-def _phase_crossover(shape: _Shape, w: Real) -> tuple[Real, Flags]:
+def _phase_crossover(shape: UnitDeadTime, w: Real) -> tuple[Real, Flags]:
     """Solve for phase -180° upwards from the gain crossover; also whether that converged.
 
     Zeros lead by 180° at most, so the dead time alone has passed -180° at `base` + pi.
@@ -256,15 +170,15 @@ def _phase_crossover(shape: _Shape, w: Real) -> tuple[Real, Flags]:
 
 
 def _stable_margins(
-    shape: _Shape, w: Real, above: Real
+    shape: UnitDeadTime, w: Real, above: Real
 ) -> tuple[Real, Real, Real, Real, Real, Flags]:
     """Gain, phase and delay margin (in dead times), Ms, Mt, and whether they are proven."""
     w180, converged = _phase_crossover(shape, w)
     u, u180 = 2 * np.log(w), 2 * np.log(w180)
     start = np.minimum(u, -2 * np.log(_longest(shape))) + 2 * math.log(ASYMPTOTE)
     points = np.concatenate([u - (u - start) * BELOW, u + (u180 - u) * ABOVE])
-    S, T, size, clear = _on_points(shape, points)
-    Ms2, Mt2, found = _lowest(shape, points, S, T)
+    values, size, clear = _on_points(shape, points)
+    Ms2, Mt2, found = _lowest(shape, points, values)
     k = np.exp(np.minimum(shape.log_k, 300.0))
     T0 = np.where(shape.order > 0, 1.0, k / (1 + k))
     return (
@@ -277,7 +191,7 @@ def _stable_margins(
     )
 
 
-def _longest(shape: _Shape) -> Real:
+def _longest(shape: UnitDeadTime) -> Real:
     """Longest time that bends the Bode plot. [dead times]"""
     longest = np.maximum(np.maximum(1.0, shape.b), np.sqrt(shape.c))
     for T in shape.lags:
@@ -285,8 +199,23 @@ def _longest(shape: _Shape) -> Real:
     return longest
 
 
-def _on_points(shape: _Shape, u: Real) -> tuple[Real, Real, Real, Flags]:
-    """1/|S|^2 and 1/|T|^2 on points, |L| on the last but one, and whether no crossover is below.
+def _on_points(shape: UnitDeadTime, u: Real) -> tuple[Real, Real, Flags]:
+    """1/|S|^2 of all loops then 1/|T|^2, |L| on the last point but one, and a proof.
+
+    Some loops at a time: what is computed of them on the way then stays in the cache.
+    """
+    n = u.shape[1]
+    values, size, clear = np.empty((len(u), 2 * n)), np.empty(n), np.empty(n, dtype=bool)
+    for first in range(0, n, AT_A_TIME):
+        some = slice(first, min(first + AT_A_TIME, n))
+        part = shape if n <= AT_A_TIME else shape.take(some)
+        S, T = values[:, some], values[:, n + first : n + some.stop]
+        size[some], clear[some] = _some_on_points(part, u[:, some], S, T)
+    return values, size, clear
+
+
+def _some_on_points(shape: UnitDeadTime, u: Real, Ms2: Real, Mt2: Real) -> tuple[Real, Flags]:
+    """Write 1/|S|^2 and 1/|T|^2; |L| on the last point but one, and whether no crossover is below.
 
     Between neighbours i and j the phase is above lead(i) - lag(j), both being rising functions, and
     has no dip where its slope keeps its sign.
@@ -307,7 +236,8 @@ def _on_points(shape: _Shape, u: Real) -> tuple[Real, Real, Real, Flags]:
     # a sixth of the time of its sine.
     half = np.tan(0.5 * (lead - lag + base))
     half *= half
-    S = (1 - r) ** 2 + 4 * r * (half / (1 + half))
+    np.add((1 - r) ** 2, 4 * r * (half / (1 + half)), out=Ms2)
+    np.divide(Ms2, r2, out=Mt2)
     # The last point lies beyond the crossover.
     here, there = slice(0, -2), slice(1, -1)
     rise = shape.b * (1 + shape.c * x)
@@ -316,13 +246,12 @@ def _on_points(shape: _Shape, u: Real) -> tuple[Real, Real, Real, Flags]:
     clear = falls | climbs | (lead[here] + base > lag[there])
     # Before the first point only lags act: the loop starts above -180° or rises from it.
     first = np.where(shape.order < 2, base > lag[0], shape.b > drop[0] * zeros[0])
-    return S, S / r2, r[-2], first & clear.all(axis=0)
+    return r[-2], first & clear.all(axis=0)
 
 
-def _lowest(shape: _Shape, points: Real, S: Real, T: Real) -> tuple[Real, Real, Flags]:
+def _lowest(shape: UnitDeadTime, points: Real, values: Real) -> tuple[Real, Real, Flags]:
     """Least 1/|S|^2 and 1/|T|^2: a parabola through every deep dip, then Newton's method."""
     n = points.shape[1]
-    values = np.concatenate([S, T], axis=1)
     least = values.min(axis=0)
     inner = values[1:-1]
     dips = (inner < values[:-2]) & (inner <= values[2:]) & (RIVAL * inner <= least)
@@ -332,8 +261,7 @@ def _lowest(shape: _Shape, points: Real, S: Real, T: Real) -> tuple[Real, Real, 
     v, around = _vertices(points[three, loop], values[three, column])
     way = np.where(column < n, 1.0, -1.0)
     lowest, settled = _newton(shape.take(loop), v, around, way)
-    # Without a dip |T| only falls from its start; the points themselves are no better than
-    # 1 + |L|^2 - 2 |L| cos, which cancels near -1.
+    # Without a dip |T| only falls from its start. The points round their phase near -1.
     settled &= lowest <= values[at + 1, column] + ROUNDING
     refined = np.full(2 * n, math.inf)
     np.minimum.at(refined, column, lowest)
@@ -343,7 +271,7 @@ def _lowest(shape: _Shape, points: Real, S: Real, T: Real) -> tuple[Real, Real, 
     return least[:n], least[n:], found[:n] & found[n:]
 
 
-def _newton(part: _Shape, v: Real, around: Real, way: Real) -> tuple[Real, Flags]:
+def _newton(part: UnitDeadTime, v: Real, around: Real, way: Real) -> tuple[Real, Flags]:
     """Least distances near ln w = v by Newton's method, and whether that settled.
 
     Few dips take many steps: once three quarters are exact the others go on alone.
@@ -378,7 +306,7 @@ def _vertices(points: Real, values: Real) -> tuple[Real, Real]:
     return 0.5 * (left + v) - width * before / (after - before), width
 
 
-def _distance(shape: _Shape, v: Real, way: Real) -> tuple[Real, Real, Real]:
+def _distance(shape: UnitDeadTime, v: Real, way: Real) -> tuple[Real, Real, Real]:
     """1/|S|^2 (way 1) or 1/|T|^2 (way -1) at ln w = v, with its first and second derivative.
 
     |T| is |S| with 1/L for L.
