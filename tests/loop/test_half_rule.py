@@ -6,6 +6,7 @@ chain of factors against the polynomial; the responses of process and model.
 
 import csv
 import math
+from dataclasses import replace
 from functools import reduce
 from pathlib import Path
 
@@ -136,12 +137,21 @@ def test_margins_on_the_full_process_are_those_of_the_table(name: str) -> None:
     assert found.delay == pytest.approx(float(row["delay_margin"]), abs=1e-3)
 
 
-@pytest.mark.parametrize("name", ["E1-PI", "E2-PI", "E4-PI", "E7-PI", "E9-PI", "E13-PI"])
+# E14 and E15 pass the output on to PV at once: within a scan two programs order it differently.
+AT_ONCE = {"E14-PI", "E15-PI"}
+
+
+@pytest.mark.parametrize("name", sorted(ROWS.keys() - AT_ONCE))
 def test_responses_of_the_full_process_are_those_of_the_table(name: str) -> None:
-    """IAE and travel of the output after a set-point and a load step, within a scan of error."""
+    """IAE and travel of the output after a set-point and a load step, within two scans of error."""
     row = ROWS[name]
     process, pid = transfer_function(EXAMPLES[row["case"]]), settings(row)
-    dt, t_end = 2 * float(row["dt"]), 14 * (float(row["tau1"]) + float(row["theta"]))
+    # A series controller with its derivative on PV gives the set point the series gain.
+    pid = replace(pid, b=float(row["Kc"]) / pid.Kc)
+    lag = float(row["tau1"]) if row["tau1"] != "inf" else 0.0
+    slow = max(lag + float(row["theta"]), float(row["tauI"]))
+    # The zero at -1/15 of E3 leaves a tail.
+    dt, t_end = 2 * float(row["dt"]), (40 if row["case"] == "E3" else 14) * slow
     for column, sp, load in (("sp", 1.0, 0.0), ("d", 0.0, 1.0)):
         response = simulate(process, pid, t_end=t_end, dt=dt, sp=sp, load=load)
         area = float(np.trapezoid(np.abs(sp - response.true_pv), response.t))
