@@ -6,6 +6,7 @@ from dataclasses import astuple
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -17,6 +18,8 @@ from advice.what_if import Answer, Effort, ErrorMeasures, Run, WhatIf, what_if
 from advice.what_if_body import KINDS, what_if_body
 from loop.digital_pid import AntiWindup, OutputLimits
 from loop.measures import LoadMeasures, StepMeasures
+from loop.process import Process
+from loop.signals import Real
 from loop.valve import Choudhury, DeadBand, He, Kano, Valve
 from service.cli import reading
 from service.cli.stating import (
@@ -63,6 +66,9 @@ def simulate(
     anti_windup: Annotated[
         AntiWindup, typer.Option(help="What the integral does at a limit.")
     ] = AntiWindup.BACK_CALCULATION,
+    tracking_time: Annotated[
+        float | None, typer.Option(metavar="S", help="Tt of back-calculation; its rule if none.")
+    ] = None,
     pv_filter: Annotated[float, typer.Option(metavar="S", help="Filter on PV.")] = 0.0,
     noise: Annotated[
         float, typer.Option(metavar="PV", help="Standard deviation of the sensor's noise.")
@@ -78,6 +84,17 @@ def simulate(
         float | None,
         typer.Option(metavar="%", help="Fan: all parameters of the process off by up to this."),
     ] = None,
+    count: Annotated[
+        int, typer.Option(min=1, max=500, help="Processes of that fan; its corners come first.")
+    ] = 100,
+    draws: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Fan over these processes instead: one a line, its parameters by commas.",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 1,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the document that the API answers.")
     ] = False,
@@ -111,14 +128,16 @@ def simulate(
                 t_end=length,
                 limits=OutputLimits(low=low, high=high, rate=rate),
                 anti_windup=anti_windup,
+                Tt=tracking_time,
                 pv_filter=pv_filter,
                 noise=noise,
                 resolution=resolution,
                 valve=None if valve is None else _valve(valve),
                 pv0=pv0,
                 op0=op0,
+                seed=seed,
             ),
-            draws=None if spread is None else box_draws(plant, spread / 100),
+            draws=_draws(plant, spread, count, draws),
         )
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
@@ -140,6 +159,19 @@ def _events(
     if transfer is not None:
         events.append(Transfer(size=transfer))
     return events
+
+
+def _draws(plant: Process, spread: float | None, count: int, file: Path | None) -> Real | None:
+    if file is not None:
+        if spread is not None:
+            raise typer.BadParameter("give either --spread or --draws")
+        if not file.is_file():
+            raise typer.BadParameter(f"there is no file {file}")
+        rows = [line.split(",") for line in file.read_text("utf-8").splitlines() if line.strip()]
+        if len({len(row) for row in rows}) != 1:
+            raise typer.BadParameter("every line of --draws must hold as many numbers")
+        return np.array([[float(part) for part in row] for row in rows])
+    return None if spread is None else box_draws(plant, spread / 100, n=count)
 
 
 def _pair(option: str, text: str) -> tuple[float, float]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fastapi.testclient import TestClient
 
 from advice.fan import box_draws
 from advice.scenario import Conditions, LoadChange, SetPointChange, Transfer
@@ -50,6 +51,71 @@ def test_it_prints_what_a_notebook_finds(said: Said) -> None:
         draws=box_draws(process, 0.3),
     )
     assert json.loads(said()[0]) == json.loads(json.dumps(what_if_body(found)))
+
+
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+def test_every_condition_of_the_api_has_its_option(
+    said: Said, client: TestClient, tmp_path: Path
+) -> None:
+    ask = (
+        "simulate TF:2/100,25,1,3 0.9,30,4,12,1,b=0.6,c=0.5 --load 1 --step 2 --transfer 0.5 "
+        "--scan-time 1 --length 200 --limits -5,5 --rate 1 --anti-windup {} --tracking-time 9 "
+        "--noise 0.05 --seed 7 --json"
+    )
+    body = {
+        "process": {
+            "kind": "TransferFunction",
+            "numerator": [2.0],
+            "denominator": [100.0, 25.0, 1.0],
+            "theta": 3.0,
+        },
+        "controllers": [
+            {"name": "new", "Kc": 0.9, "Ti": 30.0, "Td": 4.0, "N": 12.0, "tauF": 1.0,
+             "b": 0.6, "c": 0.5},
+        ],
+        "events": [
+            {"kind": "set point", "size": 2.0},
+            {"kind": "load", "size": 1.0},
+            {"kind": "transfer", "size": 0.5},
+        ],
+    }  # fmt: skip
+    conditions = {
+        "scan_time": 1.0, "t_end": 200.0, "low": -5.0, "high": 5.0, "rate": 1.0, "Tt": 9.0,
+        "noise": 0.05, "seed": 7,
+    }  # fmt: skip
+    for mode in AntiWindup:
+        conditions["anti_windup"] = mode.value
+        answer = client.post("/v1/simulations", json={**body, "conditions": conditions})
+        assert answer.status_code == 200, answer.text
+        said()  # what the service logged
+        call = ask.split()
+        call[call.index("{}")] = mode.value
+        assert run(call) == 0
+        assert json.loads(said()[0]) == answer.json()
+        assert answer.json()["events"][2]["runs"][0]["bump"] < 1e-9
+
+    rows = [[2.0, 120.0, 30.0], [2.5, 100.0, 35.0]]
+    file = tmp_path / "draws.csv"
+    file.write_text("\n".join(",".join(map(str, row)) for row in rows) + "\n\n")
+    heater = {
+        "process": {"kind": "FOPDT", "K": 2.0, "tau": 120.0, "theta": 30.0},
+        "controllers": [{"name": "new", "Kc": 0.9, "Ti": 135.0}],
+        "events": [{"kind": "set point", "size": 1.0}],
+    }
+    for options, fan in (
+        (["--draws", str(file)], {"draws": rows}),
+        (["--spread", "25", "--count", "9"], {"spread": 0.25, "count": 9}),
+    ):
+        answer = client.post("/v1/simulations", json={**heater, "fan": fan})
+        said()
+        assert run(["simulate", HEATER, "0.9,135", *options, "--json"]) == 0
+        assert json.loads(said()[0]) == answer.json()
+    file.write_text("1,2,3\n1,2\n")
+    assert run(["simulate", HEATER, "0.9,135", "--draws", str(file)]) == 2
+    assert "as many numbers" in said()[1]
+    assert run(["simulate", HEATER, "0.9,135", "--draws", "none.csv"]) == 2
+    assert run(["simulate", HEATER, "0.9,135", "--draws", str(file), "--spread", "9"]) == 2
+    assert "either --spread or --draws" in said()[1]
 
 
 def test_a_person_reads_a_table_for_each_event(said: Said) -> None:
