@@ -108,6 +108,8 @@ class Analysis:
         Frequency responses and internal stability; always there.
     nyquist, poles, locus, routh, bode
         None where the loop does not allow them.
+    pade_order : int or None
+        Order of the Padé approximation in Routh's array; None where it is exact or not there.
     limits : tuple of Limit
         What dead time, unstable poles and right half-plane zeros bound.
     fastest : float
@@ -133,6 +135,7 @@ class Analysis:
     poles: ClosedLoopPoles | None
     locus: RootLocus | None
     routh: RouthArray | None
+    pade_order: int | None
     bode: BodeIntegral | None
     limits: tuple[Limit, ...]
     fastest: float
@@ -153,6 +156,7 @@ def analyse(
     profile: str = DEFAULT_PROFILE,
     task: Task | None = None,
     points: int = 300,
+    pade_order: int | None = None,
 ) -> Analysis:
     """Say everything the classical toolbox says of a loop, with exact dead time.
 
@@ -172,6 +176,9 @@ def analyse(
         What the loop has to do.
     points : int
         Frequencies of the curves, beside the crossovers.
+    pade_order : int, optional
+        Order of the Padé approximation that takes a dead time into Routh's array; without it a
+        loop with dead time has no array.
 
     Raises
     ------
@@ -216,10 +223,16 @@ def analyse(
         else part("Closed-loop poles", lambda: closed_loop_poles(whole, controller)),
         locus=None if loops_on else part("Root locus", lambda: root_locus(whole, controller)),
         routh=None
-        if whole.theta
+        if whole.theta and pade_order is None
         else part(
-            "Routh's array", lambda: routh_array(characteristic_polynomial(whole, controller))
+            "Routh's array",
+            lambda: routh_array(
+                characteristic_polynomial(
+                    whole, controller, pade_order=pade_order if whole.theta else None
+                )
+            ),
         ),
+        pade_order=pade_order if whole.theta else None,
         bode=None
         if known is None
         else part("Bode's integral", lambda: bode_integral(whole, controller)),

@@ -66,6 +66,7 @@ def analysis_body(analysis: Analysis, *, figures: bool = True) -> Body:
         "routh": None
         if routh is None
         else {
+            "pade_order": analysis.pade_order,
             "rows": [list(row) for row in routh.rows],
             "right": routh.right,
             "axis": routh.axis,

@@ -37,6 +37,13 @@ def loop_words(analysis: Analysis) -> list[str]:
         sentences.append(
             f"Nyquist: Z = N + P, {n.closed_loop} = {n.encirclements} + {n.open_loop}."
         )
+    if analysis.routh is not None:
+        order = analysis.pade_order
+        how = "" if order is None else f", the dead time by a Padé approximation of order {order}"
+        sentences.append(
+            f"Roots right of the axis by Routh's array: {analysis.routh.right}, "
+            f"on it: {analysis.routh.axis}{how}."
+        )
     if analysis.bode is not None:
         integral, law = (
             value if abs(value) > ROUNDING * (wide.wc or 1.0) else 0.0

@@ -43,6 +43,7 @@ def analyse_loop(wanted: AnalyseLoop) -> Body:
             profile=wanted.profile,
             task=None if wanted.task is None else wanted.task.task(),
             points=wanted.points,
+            pade_order=wanted.pade_order,
         )
     except ValueError as error:
         raise InvalidRequest("body", str(error)) from error

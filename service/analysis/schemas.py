@@ -141,6 +141,9 @@ class AnalyseLoop(Strict):
     points: Annotated[int, Field(ge=2, le=2000)] = Field(
         300, description="Frequencies of the curves, beside the crossovers."
     )
+    pade_order: Annotated[int, Field(ge=1, le=12)] | None = Field(
+        None, description="Takes a dead time into Routh's array, which has none otherwise."
+    )
     figures: bool = Field(True, description="Whether to add Plotly documents.")
 
 

@@ -67,6 +67,10 @@ def analyse(
     points: Annotated[
         int, typer.Option(min=2, max=2000, help="Frequencies of the curves, beside crossovers.")
     ] = 300,
+    pade_order: Annotated[
+        int | None,
+        typer.Option(min=1, max=12, help="Takes a dead time into Routh's array."),
+    ] = None,
     figures: Annotated[
         bool, typer.Option("--figures/--no-figures", help="Plotly documents in the JSON.")
     ] = True,
@@ -85,7 +89,7 @@ def analyse(
     try:
         analysis = analyse_loop(
             plant, pid, compensators=[compensator_from_text(text) for text in series or ()],
-            scan_time=scan_time, profile=profile, points=points,
+            scan_time=scan_time, profile=profile, points=points, pade_order=pade_order,
             task=Task(
                 load=load, allowed=allowed, frequency=frequency, wc=crossover, ramp=ramp,
                 unmodelled=unmodelled, op_room=op_room, set_point_change=set_point_change,

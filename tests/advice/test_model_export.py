@@ -1,4 +1,8 @@
+import math
 import re
+import shutil
+import subprocess
+from pathlib import Path
 from typing import Any
 
 import control
@@ -68,6 +72,33 @@ def test_the_sampled_models_are_exact_at_their_samples(target: str, process: Pro
 
     ours = step_response(process, 0.8 * np.arange(150))
     np.testing.assert_allclose(ys, ours, rtol=0, atol=1e-9 * np.max(np.abs(ours)))
+
+
+@pytest.mark.skipif(shutil.which("octave-cli") is None, reason="Octave is not installed here")
+def test_the_matlab_script_answers_in_octave_as_we_do(tmp_path: Path) -> None:
+    """Frequency response to the error of its Padé approximation, and a step twenty delays on."""
+    asked = []
+    for process in PROCESSES:
+        late = process.theta or 1.0
+        asked.append(
+            export_model(process, "matlab").text.replace(
+                "step(G)\n",
+                f"[mag, ph] = bode(G, {1 / late!r}); [y, t] = step(G, {20 * late!r});\n"
+                "printf('%.15g ', mag, ph, t(end), y(end));\n",
+            )
+        )
+    file = tmp_path / "all.m"
+    file.write_text("\n".join(asked))
+    done = subprocess.run(
+        ["octave-cli", "--norc", str(file)], capture_output=True, text=True, timeout=60
+    )
+    rows = np.array(done.stdout.split(), dtype=float).reshape(-1, 4)
+    for process, (mag, phase, t, y) in zip(PROCESSES, rows.tolist(), strict=True):
+        s = 1j / (process.theta or 1.0)
+        G = np.polyval(process.numerator, s) / np.polyval(process.denominator, s)
+        G *= np.exp(-s * process.theta)
+        assert mag * np.exp(1j * math.radians(phase)) == pytest.approx(G, rel=2e-10)
+        assert y == pytest.approx(step_response(process, np.array([0.0, t]))[-1], rel=1e-6)
 
 
 @pytest.mark.parametrize("process", PROCESSES)

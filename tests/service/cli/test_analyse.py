@@ -31,7 +31,7 @@ def test_every_question_of_the_api_has_its_option(said: Said, client: TestClient
         "--profile process --scan-time 2 --load 10 --allowed 3 --frequency 0.01 --ramp 0.1 "
         "--crossover 0.02 --unmodelled 5 --op-room 40 --set-point-change 20 --relative-gain 1.4 "
         "--series Lead:40,0.3 --series lag:900,2 --series LeadLag:30,20 "
-        "--series Notch:0.5,0.1,0.7 --points 20 --no-figures --json"
+        "--series Notch:0.5,0.1,0.7 --points 20 --pade-order 4 --no-figures --json"
     )
     body = {
         "process": {"kind": "FOPDT", "K": 2.0, "tau": 120.0, "theta": 30.0},
@@ -51,6 +51,7 @@ def test_every_question_of_the_api_has_its_option(said: Said, client: TestClient
             {"kind": "Notch", "w0": 0.5, "zeta_zero": 0.1, "zeta_pole": 0.7},
         ],
         "points": 20,
+        "pade_order": 4,
         "figures": False,
     }  # fmt: skip
     answer = client.post("/v1/analysis", json=body)
@@ -61,6 +62,12 @@ def test_every_question_of_the_api_has_its_option(said: Said, client: TestClient
     # A PID leaves ramp Ti/(Kc, here twice that at rest) of it.
     ramp = next(item for item in answer.json()["disturbances"] if item["integrators"] == 2)
     assert ramp["left"] == pytest.approx(0.1 * 135 / (2 * 0.45))
+    assert answer.json()["routh"]["pade_order"] == 4
+    assert answer.json()["routh"]["right"] == 0
+    assert run([*HEATER, "--pade-order", "5"]) == 0
+    assert "by Routh's array: 0, on it: 0, the dead time by a Padé" in said()[0]
+    assert run(["analyse", "TF:1/10,-1,0", "0.5", "--pade-order", "5"]) == 0
+    assert "by Routh's array: 1, on it: 0." in said()[0]
     for wrong in ("Hat:1,2", "Lead:1", "Notch:1,2,x"):
         assert run([*HEATER, "--series", wrong]) == 2
         assert "compensator" in said()[1]
