@@ -79,7 +79,7 @@ def test_every_condition_of_the_api_has_its_option(
             {"kind": "transfer", "size": 0.5},
         ],
     }  # fmt: skip
-    conditions = {
+    conditions: dict[str, object] = {
         "scan_time": 1.0, "t_end": 200.0, "low": -5.0, "high": 5.0, "rate": 1.0, "Tt": 9.0,
         "noise": 0.05, "seed": 7,
     }  # fmt: skip
