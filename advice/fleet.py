@@ -54,6 +54,8 @@ class FleetLoop:
         Process model and settings.
     tau_c : float or None
         Desired closed-loop time constant. [s]
+    pv_limits : tuple of float or None
+        Lowest and highest PV that the process allows. [PV]
     """
 
     name: str
@@ -64,6 +66,7 @@ class FleetLoop:
     gain_sign: int | None = None
     known: KnownLoop | None = None
     tau_c: float | None = None
+    pv_limits: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,6 +119,7 @@ def assess_loop(loop: FleetLoop, profile: str = DEFAULT_SCORE_PROFILE) -> LoopRe
             gain_sign=loop.gain_sign,
             known=loop.known,
             tau_c=loop.tau_c,
+            pv_limits=loop.pv_limits,
             profile=profile,
         )
     except (ValueError, ArithmeticError) as reason:

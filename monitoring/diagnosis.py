@@ -179,6 +179,8 @@ def _control(control: ControlIndices, profile: ScoreProfile) -> list[Diagnosis]:
         found.append(_valve(control))
     elif control.oscillation.main is not None:
         found.append(_oscillating(control, control.oscillation.main))
+    elif control.load_responses.swinging and control.acf_decay.lively:
+        found.append(_aggressive(control))
     loads = control.load_responses
     if loads.sluggish:
         found.append(
@@ -204,6 +206,21 @@ def _control(control: ControlIndices, profile: ScoreProfile) -> list[Diagnosis]:
             )
         )
     return found
+
+
+def _aggressive(control: ControlIndices) -> Diagnosis:
+    """Swinging after loads, and in between: either alone is chance or the load's own shape."""
+    loads, decay = control.load_responses, control.acf_decay
+    return Diagnosis(
+        cause=Cause.TUNING,
+        confidence=Confidence.MEDIUM,
+        evidence=(
+            f"Aggressive: OP swings after loads, area index {loads.area_index:.2f}, and the "
+            f"autocorrelation of the error decays with {decay.ratio:.2f} a period.",
+        ),
+        action=Action.RETUNE,
+        others=(Cause.DISTURBANCE,),
+    )
 
 
 def _by_model(model: ModelIndices) -> list[Diagnosis]:

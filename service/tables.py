@@ -96,6 +96,9 @@ class LoopRow(Table):
     largest_load: Mapped[float | None]
     kind: Mapped[str] = mapped_column(default="other")
     weight: Mapped[float] = mapped_column(default=1.0)
+    worth: Mapped[float | None]
+    limit_low: Mapped[float | None]
+    limit_high: Mapped[float | None]
     archived: Mapped[bool] = mapped_column(default=False)
     version: Mapped[int] = mapped_column()
     created_at: Mapped[datetime] = mapped_column(default=now)

@@ -1,11 +1,14 @@
 """What users do with assessments."""
 
+import math
+from datetime import datetime
 from uuid import UUID, uuid4
 
+from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
 from advice.fleet import FleetLoop, LoopResult, assess_loop
-from advice.rollup import PlantScorecard, Scored, plant_scorecard
+from advice.rollup import Order, PlantScorecard, Scored, plant_scorecard
 from historian.sample_store import SampleStore
 from historian.samples import Samples
 from loop.digital_pid import OutputLimits
@@ -14,8 +17,8 @@ from monitoring.known_loop import KnownLoop
 from service import audit
 from service.actors import Actor
 from service.assessments import store
-from service.assessments.schemas import AssessLoop, AssessLoops, Overrule
-from service.errors import NotFound
+from service.assessments.schemas import AssessLoop, AssessLoops, Overrule, Period
+from service.errors import InvalidRequest, NotFound
 from service.jobs.actions import add_job
 from service.loops.store import loop_with_id
 from service.models.schemas import stated_process
@@ -43,6 +46,22 @@ def request_assessments(session: Session, *, actor: Actor, wanted: AssessLoops) 
         key=f"assess:{uuid4()}",
         request=wanted.model_dump(),
     )
+
+
+def period_of(name: str, start: datetime, end: datetime) -> tuple[datetime, datetime]:
+    """Hold two instants against what a period may be.
+
+    Raises
+    ------
+    InvalidRequest
+        They are none.
+    """
+    try:
+        period = Period.model_validate({"start": start, "end": end})
+    except ValidationError as error:
+        detail = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise InvalidRequest(f"query/{name}_end", detail) from error
+    return period.start, period.end
 
 
 def assess_one(
@@ -89,7 +108,16 @@ def fleet_loop(
         gain_sign=1 if loop.action == "reverse" else -1,
         known=known,
         tau_c=tau_c,
+        pv_limits=_limits(loop),
     )
+
+
+def _limits(loop: LoopRow) -> tuple[float, float] | None:
+    """Limits of PV, open where only one is stated."""
+    if loop.limit_low is None and loop.limit_high is None:
+        return None
+    low = -math.inf if loop.limit_low is None else loop.limit_low
+    return low, math.inf if loop.limit_high is None else loop.limit_high
 
 
 def assessment_row(
@@ -154,7 +182,9 @@ def overrule(session: Session, *, actor: Actor, assessment_id: UUID, said: Overr
     return store.Found(row=found.row, overrules=(row, *found.overrules))
 
 
-def scorecard(session: Session, job_id: UUID | None) -> tuple[UUID, PlantScorecard]:
+def scorecard(
+    session: Session, job_id: UUID | None, by: Order = Order.LOSS
+) -> tuple[UUID, PlantScorecard]:
     """Roll up what a job found, by default the job of the latest period.
 
     Raises
@@ -168,7 +198,7 @@ def scorecard(session: Session, job_id: UUID | None) -> tuple[UUID, PlantScoreca
         raise NotFound("scorecard of job", job_id)
     found = store.with_overrules(session, [row for row, _ in rows])
     loops = {row.id: loop for row, loop in rows}
-    return job_id, plant_scorecard(
+    scored = [
         Scored(
             name=str(one.row.id),
             tag=loops[one.row.id].tag,
@@ -177,6 +207,8 @@ def scorecard(session: Session, job_id: UUID | None) -> tuple[UUID, PlantScoreca
             weight=loops[one.row.id].weight,
             points=one.row.grade,
             cause=one.cause,
+            worth=loops[one.row.id].worth,
         )
         for one in found
-    )
+    ]
+    return job_id, plant_scorecard(scored, by=by)

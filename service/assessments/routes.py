@@ -5,6 +5,7 @@ from uuid import UUID
 
 from fastapi import APIRouter, Query, Response
 
+from advice.rollup import Order
 from service.access import Engineer, Viewer
 from service.assessments import actions, store
 from service.assessments.schemas import (
@@ -13,10 +14,9 @@ from service.assessments.schemas import (
     AssessmentBody,
     AssessmentPage,
     AssessmentSummary,
-    BadActorBody,
     Overrule,
     OverruleBody,
-    RollupBody,
+    PeriodsEffect,
     ScorecardBody,
 )
 from service.audit import declares
@@ -28,6 +28,8 @@ from service.listing import Cursor, Limit, cursor_after, key_of
 from service.loops.store import loop_with_id
 from service.models.schemas import id_from
 from service.samples import Samples
+from service.sheets.effect import effect_of_periods
+from service.units import Moment
 
 router = APIRouter(prefix="/v1", tags=["assessments"])
 
@@ -85,15 +87,13 @@ def read_scorecard(
     job_id: Annotated[UUID | None, Query(description="By default that of the latest period.")] = (
         None
     ),
+    by: Annotated[
+        Order, Query(description="What makes one bad actor worse than another.")
+    ] = Order.LOSS,
 ) -> ScorecardBody:
     """Read how the plant stands: areas, causes, and the loops that cost the most."""
-    job, card = actions.scorecard(reading, job_id)
-    return ScorecardBody(
-        job_id=job,
-        plant=RollupBody.model_validate(card.plant),
-        areas=[RollupBody.model_validate(area) for area in card.areas],
-        bad_actors=[BadActorBody.model_validate(loop) for loop in card.bad_actors],
-    )
+    job, card = actions.scorecard(reading, job_id, by)
+    return ScorecardBody.of(job, card)
 
 
 @router.post(
@@ -119,6 +119,28 @@ def assess_loop(
     )
     response.headers["Location"] = f"/v1/assessments/{kept.row.id}"
     return _body(kept)
+
+
+@router.get("/loops/{loop_id}/effect")
+def compare_periods(
+    loop_id: UUID,
+    _: Viewer,
+    reading: Reading,
+    samples: Samples,
+    before_start: Annotated[Moment, Query(description="First period from here on.")],
+    before_end: Annotated[Moment, Query(description="Up to here.")],
+    after_start: Annotated[Moment, Query(description="Second period from here on.")],
+    after_end: Annotated[Moment, Query(description="Up to here.")],
+) -> PeriodsEffect:
+    """Ask whether the control error differs between two periods, such as around a change."""
+    before, after = (
+        actions.period_of(name, start, end)
+        for name, start, end in (
+            ("before", before_start, before_end),
+            ("after", after_start, after_end),
+        )
+    )
+    return PeriodsEffect.model_validate(effect_of_periods(reading, samples, loop_id, before, after))
 
 
 @router.get("/loops/{loop_id}/assessments")

@@ -6,6 +6,7 @@ from uuid import UUID
 
 from pydantic import ConfigDict, Field, model_validator
 
+from advice.rollup import PlantScorecard
 from service.models.schemas import AnyProcessBody, Id
 from service.schemas import Answer, Strict
 from service.tunings.schemas import RunningBody
@@ -40,6 +41,17 @@ class Period(Strict):
                 f"got {self.start.isoformat()} to {self.end.isoformat()}"
             )
         return self
+
+
+class PeriodsEffect(Answer):
+    """Two periods of a loop, compared."""
+
+    loop_id: UUID
+    before: tuple[datetime, datetime] = Field(description="First period: from, up to.")
+    after: tuple[datetime, datetime] = Field(description="Second period: from, up to.")
+    effect: dict[str, object] = Field(
+        description="Change, ratio of the root mean square errors with its 95 % interval, settings."
+    )
 
 
 class AssessLoop(Period):
@@ -126,6 +138,10 @@ class RollupBody(Answer):
     loops: int
     assessable: int
     points: float | None = Field(description="Mean grade by weight. [-]")
+    cost: float | None = Field(
+        description="What a day costs, over the loops whose worth is known. [money]"
+    )
+    priced: int = Field(description="Loops that the cost rests on.")
     causes: list[tuple[str, int]] = Field(description="What is wrong how often.")
 
 
@@ -140,6 +156,9 @@ class BadActorBody(Answer):
     points: float | None
     cause: str
     loss: float = Field(description="Weight times the points that are missing. [-]")
+    cost: float | None = Field(
+        description="Worth times the part of the points that is missing. [money]"
+    )
 
 
 class ScorecardBody(Answer):
@@ -149,3 +168,13 @@ class ScorecardBody(Answer):
     plant: RollupBody
     areas: list[RollupBody]
     bad_actors: list[BadActorBody]
+
+    @classmethod
+    def of(cls, job_id: UUID, card: PlantScorecard) -> Self:
+        """Lay a scorecard out as a document."""
+        return cls(
+            job_id=job_id,
+            plant=RollupBody.model_validate(card.plant),
+            areas=[RollupBody.model_validate(area) for area in card.areas],
+            bad_actors=[BadActorBody.model_validate(loop) for loop in card.bad_actors],
+        )

@@ -1,6 +1,7 @@
 """`loopwright assess`: routine data in, what is wrong with each loop out."""
 
 import json
+import math
 from collections.abc import Iterator
 from datetime import UTC, datetime, time, timedelta
 from pathlib import Path
@@ -61,6 +62,12 @@ def assess(
     ] = LoopKind.OTHER,
     pv_low: Annotated[float | None, typer.Option(help="Low end of the PV range.")] = None,
     pv_high: Annotated[float | None, typer.Option(help="High end of the PV range.")] = None,
+    limit_low: Annotated[
+        float | None, typer.Option(help="Lowest PV that the process allows.")
+    ] = None,
+    limit_high: Annotated[
+        float | None, typer.Option(help="Highest PV that the process allows.")
+    ] = None,
     op_low: Annotated[float, typer.Option(help="Low end of the OP range.")] = 0.0,
     op_high: Annotated[float, typer.Option(help="High end of the OP range.")] = 100.0,
     model: Annotated[
@@ -128,11 +135,12 @@ def assess(
         time_zone=time_zone, day_first=day_first, layout=layout, mode_code=mode_code,
     )  # fmt: skip
     pv_range = _range(pv_low, pv_high)
+    limits = _limits(limit_low, limit_high)
     files = parquet_files(source) if source.is_dir() else [source]
     loops = (
         FleetLoop(
             name=record.tag, record=record, kind=kind, pv_range=pv_range,
-            op_range=(op_low, op_high), known=known, tau_c=tau_c,
+            op_range=(op_low, op_high), known=known, tau_c=tau_c, pv_limits=limits,
         )
         for record in _single(_records(files, stated), known)
     )  # fmt: skip
@@ -171,6 +179,15 @@ def _single(records: Iterator[Record], known: KnownLoop | None) -> Iterator[Reco
         if k and known is not None:
             raise typer.BadParameter("--model belongs to one loop; name it with --tag")
         yield record
+
+
+def _limits(low: float | None, high: float | None) -> tuple[float, float] | None:
+    if low is None and high is None:
+        return None
+    limits = (-math.inf if low is None else low, math.inf if high is None else high)
+    if not limits[0] < limits[1]:
+        raise typer.BadParameter(f"--limit-high must be above --limit-low, got {low} to {high}")
+    return limits
 
 
 def _range(low: float | None, high: float | None) -> tuple[float, float] | None:

@@ -49,6 +49,21 @@ COMMANDS = (
         "Assess routine data: what is wrong with each loop, how sure that is, and what to do next.",
     ),
     Entry(
+        "compare",
+        "service.cli.compare:compare",
+        "Compare the control error of two periods of a file, such as before and after a change.",
+    ),
+    Entry(
+        "scorecard",
+        "service.cli.scorecard:scorecard",
+        "Show how the plant stands after a job: areas, causes, and the loops that cost the most.",
+    ),
+    Entry(
+        "overrule",
+        "service.cli.scorecard:overrule",
+        "Put your diagnosis in place of the computed one; both stay to be read.",
+    ),
+    Entry(
         "analyse",
         "service.cli.analyse:analyse",
         "Analyse a process with a controller: margins, poles, limits of performance.",

@@ -1,6 +1,7 @@
 """`loopwright sheet`: loop sheets shown, compared, drafted and approved."""
 
 from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
 from typing import Annotated, TypeAlias
 from uuid import UUID
 
@@ -8,7 +9,9 @@ import typer
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
+from monitoring.before_after import Change
 from service.actors import Role
+from service.cli.compare import REFUSED, print_effect
 from service.cli.installation import (
     DataFolder,
     acting,
@@ -20,7 +23,9 @@ from service.cli.installation import (
 )
 from service.cli.listing import moment, print_columns
 from service.errors import NotFound
+from service.samples import open_samples
 from service.sheets import actions, store
+from service.sheets.effect import effect_around
 from service.sheets.evidence import stored_block
 from service.sheets.proposal import proposed_settings
 from service.sheets.schemas import DecisionRequest, NewSheet
@@ -162,6 +167,42 @@ def approve(
             )
         _print(loop, sheet)
     return 0
+
+
+@app.command("effect")
+def effect_of(
+    tag: LoopTag,
+    version: Annotated[int, typer.Argument(metavar="VERSION", min=1, help="Approved version.")],
+    days: Annotated[
+        float, typer.Option(min=0.001, max=31, help="Length of each period, at most, in days.")
+    ] = 7.0,
+    changed_at: Annotated[
+        datetime | None,
+        typer.Option(
+            formats=["%Y-%m-%dT%H:%M:%S", "%Y-%m-%dT%H:%M", "%Y-%m-%d"],
+            metavar="INSTANT",
+            help="When the settings were typed in (UTC); by default when they were approved.",
+        ),
+    ] = None,
+    data: DataFolder = None,
+) -> int:
+    """Ask whether a version helped: the control error before and after it came into force.
+
+    Exit code 0: answered. 3: the periods cannot be compared, with the reason.
+    """
+    settings = settings_for(data=data)
+    with opened(settings) as held, held.readings() as session:
+        found = effect_around(
+            session,
+            open_samples(settings),
+            loop_tagged(session, tag).id,
+            version,
+            span=timedelta(days=days),
+            changed_at=None if changed_at is None else changed_at.replace(tzinfo=UTC),
+        )
+    typer.echo(f"{tag}, version {version}, changed at {moment(found.changed_at)}")
+    print_effect(found.effect)
+    return REFUSED if found.effect.comparison.change is Change.NOT_COMPARABLE else 0
 
 
 def _wanted(session: Session, loop: LoopRow, version: int | None) -> Sheet:

@@ -17,6 +17,8 @@ KindName: TypeAlias = Literal[
     "flow", "pressure", "level", "averaging_level", "temperature", "analyser", "other"
 ]
 ProfileName: TypeAlias = Literal["process", "general", "servo", "aerospace", "disk_drive", "hvac"]
+# Fields for which null says something: not known, or none.
+MAY_BE_NULL = {"sample_time", "largest_load", "worth", "limit_low", "limit_high"}
 Weight: TypeAlias = Annotated[float, Field(gt=0, le=1e6)]
 
 
@@ -46,6 +48,16 @@ class NewLoop(Strict):
     )
     kind: KindName = Field("other", description="What it controls: decides how it is assessed.")
     weight: Weight = Field(1.0, description="How much it matters among the plant's loops. [-]")
+    worth: Positive | None = Field(
+        None,
+        description="What a day costs in which it does nothing right; null: not known. [money]",
+    )
+    limit_low: Quantity | None = Field(
+        None, description="Lowest PV that the process allows; null: none. [PV]"
+    )
+    limit_high: Quantity | None = Field(
+        None, description="Highest PV that the process allows; null: none. [PV]"
+    )
 
     @model_validator(mode="after")
     def _ranges_must_span(self) -> Self:
@@ -53,6 +65,9 @@ class NewLoop(Strict):
             low, high = getattr(self, f"{name}_low"), getattr(self, f"{name}_high")
             if not high > low:
                 raise ValueError(f"{name}_high must be above {name}_low, got {low} to {high}")
+        low_, high_ = self.limit_low, self.limit_high
+        if low_ is not None and high_ is not None and not high_ > low_:
+            raise ValueError(f"limit_high must be above limit_low, got {low_} to {high_}")
         return self
 
 
@@ -78,11 +93,14 @@ class LoopChanges(Strict):
     largest_load: Positive | None = Field(None, description="null: not known. [OP]")
     kind: KindName | None = None
     weight: Weight | None = None
+    worth: Positive | None = Field(None, description="null: not known. [money]")
+    limit_low: Quantity | None = Field(None, description="null: none. [PV]")
+    limit_high: Quantity | None = Field(None, description="null: none. [PV]")
     archived: bool | None = Field(None, description="Archived loops leave the list, not the plant.")
 
     @model_validator(mode="after")
     def _null_only_where_it_means_unknown(self) -> Self:
-        for name in sorted(self.model_fields_set - {"sample_time", "largest_load"}):
+        for name in sorted(self.model_fields_set - MAY_BE_NULL):
             if getattr(self, name) is None:
                 raise ValueError(f"{name} cannot be null; leave it out to keep it as it is")
         return self
@@ -111,6 +129,9 @@ class LoopBody(Answer):
     largest_load: float | None
     kind: KindName
     weight: float
+    worth: float | None
+    limit_low: float | None
+    limit_high: float | None
     archived: bool
     version: int = Field(description="Counts changes; the ETag is this number in quotes.")
     created_at: datetime

@@ -1,12 +1,13 @@
 """What a sheet version did to its loop: the routine data before and after it, compared."""
 
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from uuid import UUID
 
 from sqlalchemy.orm import Session
 
 from advice.assessment_body import fields_body
-from advice.effect import effect
+from advice.effect import Effect, effect
 from historian.sample_store import SampleStore
 from loop.errors import NoSamples
 from loop.record import Record
@@ -14,6 +15,17 @@ from service.errors import InvalidRequest, NeverInForce
 from service.loops.store import loop_with_id
 from service.sheets import store
 from service.tables import LoopRow
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectAround:
+    """What the data show before and after an instant, or in two periods."""
+
+    loop_id: UUID
+    changed_at: datetime
+    before: tuple[datetime, datetime]
+    after: tuple[datetime, datetime]
+    effect: Effect
 
 
 def effect_of_sheet(
@@ -25,6 +37,33 @@ def effect_of_sheet(
     span: timedelta,
     changed_at: datetime | None,
 ) -> dict[str, object]:
+    """Answer `effect_around` as a document.
+
+    Raises
+    ------
+    NotFound, NoSamples, NeverInForce, InvalidRequest
+        As there.
+    """
+    found = effect_around(reading, samples, loop_id, version, span=span, changed_at=changed_at)
+    return {
+        "loop_id": loop_id,
+        "version": version,
+        "changed_at": found.changed_at,
+        "before": found.before,
+        "after": found.after,
+        "effect": fields_body(found.effect),
+    }
+
+
+def effect_around(
+    reading: Session,
+    samples: SampleStore,
+    loop_id: UUID,
+    version: int,
+    *,
+    span: timedelta,
+    changed_at: datetime | None,
+) -> EffectAround:
     """Compare the control error before and after a version came into force.
 
     The period after ends where the next version came into force: that is its effect, not this
@@ -50,17 +89,30 @@ def effect_of_sheet(
         raise InvalidRequest("query/changed_at", "There is no calendar so long.") from error
     if next_change is not None:
         end = max(changed, min(next_change, end))
-    before = (begin, changed)
-    after = (changed, end)
+    before, after = (begin, changed), (changed, end)
     found = effect(_record(samples, loop, before), _record(samples, loop, after))
-    return {
-        "loop_id": loop_id,
-        "version": version,
-        "changed_at": changed,
-        "before": before,
-        "after": after,
-        "effect": fields_body(found),
-    }
+    return EffectAround(
+        loop_id=loop_id, changed_at=changed, before=before, after=after, effect=found
+    )
+
+
+def effect_of_periods(
+    reading: Session,
+    samples: SampleStore,
+    loop_id: UUID,
+    before: tuple[datetime, datetime],
+    after: tuple[datetime, datetime],
+) -> dict[str, object]:
+    """Compare the control error of two periods of a loop.
+
+    Raises
+    ------
+    NotFound, NoSamples
+        The loop or its data are not there.
+    """
+    loop = loop_with_id(reading, loop_id)
+    found = effect(_record(samples, loop, before), _record(samples, loop, after))
+    return {"loop_id": loop_id, "before": before, "after": after, "effect": fields_body(found)}
 
 
 def _record(samples: SampleStore, loop: LoopRow, period: tuple[datetime, datetime]) -> Record:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from advice.rollup import Scored, plant_scorecard
+from advice.rollup import Order, Scored, plant_scorecard
 
 
 def loop(
@@ -55,3 +55,17 @@ def test_doubling_every_weight_changes_no_grade_and_no_order() -> None:
     twice = plant_scorecard([loop(t, p, weight=2 * w) for t, p, w in some])
     assert once.plant.points == pytest.approx(twice.plant.points)
     assert [b.tag for b in once.bad_actors] == [b.tag for b in twice.bad_actors]
+
+
+def test_money_is_the_worth_of_what_the_grade_lacks_and_never_a_guess() -> None:
+    dear = Scored(
+        name="d", tag="d", area="A", unit="", weight=0.1, points=60.0, cause="valve", worth=1000.0
+    )
+    loops = [dear, loop("bad", 10.0), loop("dark", None)]
+    card = plant_scorecard(loops, by=Order.COST)
+    assert dear.cost == pytest.approx(400.0)
+    assert card.plant.cost == pytest.approx(400.0)
+    assert card.plant.priced == 1
+    assert [one.tag for one in card.bad_actors] == ["d", "bad"]
+    assert [one.tag for one in plant_scorecard(loops).bad_actors] == ["bad", "d"]
+    assert plant_scorecard([loop("bad", 10.0)]).plant.cost is None

@@ -278,3 +278,55 @@ def test_settings_without_their_process_are_refused(
     )
     assert answer.status_code == 422
     assert "running needs the process" in answer.text
+
+
+def test_money_orders_the_bad_actors_and_limits_count_the_time_outside(
+    client: TestClient, plant: Plant, work: Callable[[], bool]
+) -> None:
+    first, manual, _ = plant()
+    for loop, change in ((first, {"worth": 100.0, "limit_high": 50.0}), (manual, {"worth": 9e5})):
+        etag = client.get(f"/v1/loops/{loop}").headers["ETag"]
+        done = client.patch(f"/v1/loops/{loop}", json=change, headers={"If-Match": etag})
+        assert done.status_code == 200, done.text
+    job = client.post("/v1/assessments", json=DAY).json()["id"]
+    assert work()
+
+    asked = {"job_id": job, "by": "cost"}
+    card = client.get("/v1/scorecard", params=asked).json()
+    assert card["bad_actors"][0]["tag"] == "TIC-1"
+    for bad in card["bad_actors"]:
+        worth = {"TIC-0": 100.0, "TIC-1": 9e5}[bad["tag"]]
+        assert bad["cost"] == pytest.approx(worth * (1 - bad["points"] / 100))
+    assert card["plant"]["priced"] == 2
+    assert card["plant"]["cost"] == pytest.approx(sum(area["cost"] for area in card["areas"]))
+
+    (one,) = client.get(f"/v1/loops/{first}/assessments").json()["items"]
+    body = client.get(f"/v1/assessments/{one['id']}").json()["assessment"]
+    assert body["indices"]["error"]["outside"] == pytest.approx(np.mean(routine(0).pv > 50.0))
+
+
+def test_limits_that_cross_are_refused(client: TestClient) -> None:
+    answer = client.post("/v1/loops", json=TIC101 | {"limit_low": 5.0, "limit_high": 4.0})
+    assert answer.status_code == 422
+    assert "limit_high must be above limit_low" in answer.text
+
+
+def test_two_periods_of_a_loop_are_compared(client: TestClient, plant: Plant) -> None:
+    loop, *_ = plant()
+    halves = {
+        "before_start": "2026-01-31T00:00:00Z", "before_end": "2026-01-31T12:00:00Z",
+        "after_start": "2026-01-31T12:00:00Z", "after_end": "2026-02-01T00:00:00Z",
+    }  # fmt: skip
+    answer = client.get(f"/v1/loops/{loop}/effect", params=halves)
+    assert answer.status_code == 200, answer.text
+    comparison = answer.json()["effect"]["comparison"]
+    error = 50.0 - routine(0).pv
+    expected = np.sqrt(np.mean(error[720:] ** 2) / np.mean(error[:720] ** 2))
+    assert comparison["ratio"] == pytest.approx(expected)
+    assert comparison["low"] < 1 < comparison["high"]
+
+    wrong = client.get(
+        f"/v1/loops/{loop}/effect", params=halves | {"after_end": "2026-01-30T00:00:00Z"}
+    )
+    assert wrong.status_code == 422
+    assert "end must be after start" in wrong.text

@@ -167,7 +167,7 @@ def test_postgresql_refuses_even_a_session_that_calls_itself_a_replica(
 _INSERTS = {
     "loop": "INSERT INTO loop VALUES ('00000000000000000000000000000001', 'TIC-101', '', '', '', "
     "0, 100, '', 0, 100, '%', 'reverse', 'isa', 's', 'eu', NULL, 'general', NULL, false, 1, "
-    "'2026-11-22 00:00:00', 'Anna', '2026-11-22 00:00:00', 'other', 1)",
+    "'2026-11-22 00:00:00', 'Anna', '2026-11-22 00:00:00', 'other', 1, NULL, NULL, NULL)",
     "sheet": "INSERT INTO sheet VALUES ('00000000000000000000000000000001', 1, '{}', '{}', NULL, "
     "NULL, NULL, NULL, 'general', 'first', 'Anna', '2026-11-22 00:00:00')",
     "sheet_decision": "INSERT INTO sheet_decision VALUES ('00000000000000000000000000000001', 1, "

@@ -83,8 +83,10 @@ def test_a_stated_model_says_more_about_the_loop_of_a_file(
     samples = signals()
     file = csv(tmp_path / "routine.csv", samples)
     stated = ["--model", "FOPDT:1,600,240", "--settings", "0.5,600", "--tau-c", "300"]
-    assert run(["assess", str(file), *stated, "--json"]) == 0
-    control = json.loads(capsys.readouterr().out)["assessments"][0]["indices"]["control"]
+    assert run(["assess", str(file), *stated, "--limit-high", "50", "--json"]) == 0
+    indices = json.loads(capsys.readouterr().out)["assessments"][0]["indices"]
+    assert indices["error"]["outside"] == pytest.approx(np.mean(samples.pv > 50))
+    control = indices["control"]
     known = KnownLoop(
         process=FOPDT(K=1.0, tau=600.0, theta=240.0),
         controller=PID(Kc=0.5, Ti=600.0),
@@ -148,6 +150,7 @@ def test_a_day_of_the_installation_is_assessed_and_kept(
         (["nowhere.csv"], "there is no file nowhere.csv"),
         (["nowhere.csv", "--pv-low", "0"], "state both --pv-low and --pv-high, or neither"),
         (["x.csv", "--settings", "1,2"], "--settings needs the --model that they control"),
+        (["x.csv", "--limit-low", "9", "--limit-high", "5"], "--limit-high must be above"),
         (["x.csv", "--tau-c", "0"], "--tau-c must lie within"),
         (["--tau-c", "9", "--day", "2026-01-31"], "belong to a file"),
     ],
