@@ -16,6 +16,7 @@ from historian.streams import GrowingArray, Instants, Integers, LineMap, Stream,
 from loop.signals import Flags, Real
 
 MOST_TAGS = 32_000
+MOST_SHORT = 2**31  # rows that are numbered in half the memory
 
 
 class LongRows:
@@ -158,17 +159,21 @@ class LongRows:
 
     def finished(self) -> list[Stream]:
         """Sort the samples apart by tag."""
-        codes, times, values = (
-            self._codes.finished(), self._times.finished(), self._values.finished(),
-        )  # fmt: skip
+        codes = self._codes.finished()
         order = np.argsort(codes, kind="stable")
-        ends = np.searchsorted(codes[order], np.arange(len(self._tags) + 1))
+        if codes.size < MOST_SHORT:
+            order = order.astype(np.int32)
+        ends = np.concatenate([[0], np.cumsum(np.bincount(codes, minlength=len(self._tags)))])
+        del codes
+        # One array after the other, so that no two of them are held twice at once.
+        times = self._times.finished()[order]
+        values = self._values.finished()[order]
         streams = []
         for tag, code in self._tags.items():
-            rows = order[ends[code] : ends[code + 1]]
-            if rows.size:
-                found: Values = values[rows]
+            own = slice(ends[code], ends[code + 1])
+            if own.start < own.stop:
+                found: Values = values[own]
                 if self._is_mode(tag):
                     found = found.astype(np.int8)
-                streams.append(Stream(times[rows], self._lines, {tag: found}, rows))
+                streams.append(Stream(times[own], self._lines, {tag: found}, order[own]))
         return streams

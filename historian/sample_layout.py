@@ -17,6 +17,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from historian.arrow_views import array_of, array_of_text
 from historian.sample_rows import DAY, SIGNALS, UNKNOWN, Rows
 from historian.samples import EPOCH
 
@@ -98,13 +99,13 @@ def tables_of(loop: str, rows: Rows) -> Iterator[pa.Table]:
         group = rows[start : start + ROWS_A_GROUP]
         columns = {
             "loop": pa.DictionaryArray.from_arrays(
-                pa.array(np.zeros(group.size, np.int32)), pa.array([loop])
+                array_of(np.zeros(group.size, np.int32), pa.int32()), array_of_text(loop)
             ),
-            "time": pa.array(group["time"]).cast(pa.timestamp("us", "UTC")),
-            "mode": pa.array(group["mode"], mask=group["mode"] == UNKNOWN),
+            "time": array_of(group["time"], pa.timestamp("us", "UTC")),
+            "mode": array_of(group["mode"], pa.int8(), group["mode"] == UNKNOWN),
         }
         for name in SIGNALS:
-            columns[name] = pa.array(group[name], mask=np.isnan(group[name]))
+            columns[name] = array_of(group[name], pa.float64(), np.isnan(group[name]))
         yield pa.table(columns).select(MEMORY_SCHEMA.names)
 
 

@@ -21,8 +21,10 @@ from deltalake import CommitProperties, DeltaTable, PostCommitHookProperties, Tr
 from deltalake.exceptions import DeltaError, TableNotFoundError
 from deltalake.transaction import AddAction, RemoveAction
 
+from historian.arrow_views import array_of_flags, array_of_text, as_flags, whole_number
 from historian.sample_layout import PARTITIONS, TABLE_SCHEMA, SampleFile
 from historian.sample_recovery import set_aside_torn_entries
+from historian.samples import EPOCH
 from loop.errors import StoreDamaged
 
 CHECKPOINT_EVERY = 50  # log entries that opening the table may have to read
@@ -100,21 +102,27 @@ class SampleLog:
     ) -> list[SampleFile]:
         """List the files that may hold what is asked for, by date."""
         if self._listing is None or self._listing[0] != self.version:
-            self._listing = self.version, pa.table(self._table.get_add_actions(flatten=True))
+            listed = pa.RecordBatchReader.from_stream(self._table.get_add_actions(flatten=True))
+            self._listing = self.version, listed.read_all()
         listed = self._listing[1]
+        if not listed.num_rows:
+            return []
         wanted = np.ones(listed.num_rows, np.bool_)
+
+        def keep(holds: pa.ChunkedArray) -> None:
+            np.logical_and(wanted, as_flags(holds.combine_chunks()), out=wanted)
+
         if bucket is not None:
-            wanted &= pc.equal(listed["partition.bucket"], bucket).to_numpy()
+            keep(pc.equal(listed["partition.bucket"], whole_number(bucket, pa.int32())))
         if first_day is not None:
-            wanted &= pc.greater_equal(listed["partition.date"], first_day).to_numpy()
+            keep(pc.greater_equal(listed["partition.date"], _day(first_day)))
         if last_day is not None:
-            wanted &= pc.less_equal(listed["partition.date"], last_day).to_numpy()
+            keep(pc.less_equal(listed["partition.date"], _day(last_day)))
         if loop is not None:
-            smallest = pc.fill_null(listed["min.loop"], loop)
-            largest = pc.fill_null(listed["max.loop"], loop)
-            wanted &= pc.less_equal(smallest, loop).to_numpy()
-            wanted &= pc.greater_equal(largest, loop).to_numpy()
-        found = listed.filter(pa.array(wanted)).sort_by("partition.date")
+            name = array_of_text(loop)[0]
+            keep(pc.less_equal(pc.fill_null(listed["min.loop"], name), name))
+            keep(pc.greater_equal(pc.fill_null(listed["max.loop"], name), name))
+        found = listed.filter(array_of_flags(wanted)).sort_by("partition.date")
         return _listed(found)
 
     def holds(self, file: SampleFile) -> bool:
@@ -240,18 +248,23 @@ def _stamp(microseconds: int) -> str:
     return f"{np.datetime64(microseconds, 'us')}Z"
 
 
+def _day(day: date) -> pa.Scalar:
+    return whole_number((day - EPOCH.date()).days, pa.date32())
+
+
 def _listed(found: pa.Table) -> list[SampleFile]:
     """Read lines of the log; what another program has left out of them counts as unbounded."""
+    none = whole_number(0, pa.int64())
     columns = [
         found["path"],
         found["size_bytes"],
-        pc.fill_null(found["num_records"], 0),
+        pc.fill_null(found["num_records"], none),
         found["partition.date"],
         found["partition.bucket"],
-        pc.fill_null(found["min.loop"], FIRST_NAME),
-        pc.fill_null(found["max.loop"], LAST_NAME),
-        pc.fill_null(found["min.time"].cast(pa.int64()), 0),
-        pc.fill_null(found["max.time"].cast(pa.int64()), 0),
+        pc.fill_null(found["min.loop"], array_of_text(FIRST_NAME)[0]),
+        pc.fill_null(found["max.loop"], array_of_text(LAST_NAME)[0]),
+        pc.fill_null(found["min.time"].cast(pa.int64()), none),
+        pc.fill_null(found["max.time"].cast(pa.int64()), none),
     ]
     return [
         SampleFile(

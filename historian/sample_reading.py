@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from historian.sample_layout import MEMORY_SCHEMA, SampleFile
+from historian.arrow_views import as_floats, as_stored, whole_number
+from historian.sample_layout import SampleFile
 from historian.sample_rows import (
     ROW,
     SIGNALS,
@@ -24,8 +26,8 @@ from historian.sample_rows import (
 from historian.samples import Samples
 from loop.signals import Codes, Real
 
+NO_MODE = whole_number(UNKNOWN, pa.int8())
 FOOTERS = 64  # kept, of 350 kB each at most: two months of one loop
-NOTHING = MEMORY_SCHEMA.empty_table()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +100,7 @@ def _rows_of_loop(table: pa.Table, loop: str) -> pa.Table:
         return table.slice(0, 0)
     together = here[-1] - here[0] + 1 == here.size
     rows = table.slice(here[0], here.size) if together else table.take(here)
-    times = rows.column("time").cast(pa.int64()).to_numpy()
+    times = as_stored(rows.column("time").combine_chunks())
     if np.all(times[1:] > times[:-1]):
         return rows
     return rows.take(np.argsort(times, kind="stable"))
@@ -135,7 +137,9 @@ def samples_by_loop(table: pa.Table) -> Iterator[tuple[str, Samples]]:
 
 def samples_in(tables: Sequence[pa.Table]) -> Samples:
     """Read what several files hold of one loop into samples in order of time."""
-    return _once(_columns(pa.concat_tables([NOTHING, *tables])), slice(None))
+    if not tables:
+        return samples_of(np.empty(0, ROW))
+    return _once(_columns(pa.concat_tables(tables)), slice(None))
 
 
 def _once(columns: _Columns, part: slice) -> Samples:
@@ -155,9 +159,9 @@ def _once(columns: _Columns, part: slice) -> Samples:
 def _columns(table: pa.Table) -> _Columns:
     """Give the columns of a table as arrays, a missing value as NaN or unknown mode."""
     return _Columns(
-        time=table.column("time").cast(pa.int64()).to_numpy(),
-        mode=table.column("mode").fill_null(UNKNOWN).to_numpy(),
-        **{name: table.column(name).to_numpy() for name in SIGNALS},
+        time=as_stored(table.column("time").combine_chunks()),
+        mode=as_stored(pc.fill_null(table.column("mode"), NO_MODE).combine_chunks()),
+        **{name: as_floats(table.column(name).combine_chunks()) for name in SIGNALS},
     )
 
 
@@ -173,7 +177,7 @@ def rows_in(table: pa.Table) -> Rows:
 def _in_order(table: pa.Table) -> pa.Table:
     """Sort a table by loop and time where another program has written it otherwise."""
     names, numbers = _names(table)
-    times = table.column("time").cast(pa.int64()).to_numpy()
+    times = as_stored(table.column("time").combine_chunks())
     next_loop = np.flatnonzero(numbers[1:] != numbers[:-1])
     met = [names[number] for number in numbers[np.r_[next_loop, -1]]] if numbers.size else []
     back = np.flatnonzero(times[1:] <= times[:-1])
@@ -186,4 +190,4 @@ def _in_order(table: pa.Table) -> pa.Table:
 def _names(table: pa.Table) -> tuple[list[str], Integers]:
     """Give the loop names of a table, and for every row the number of its name."""
     column = table.column("loop").unify_dictionaries().combine_chunks()
-    return column.dictionary.to_pylist(), column.indices.to_numpy()
+    return column.dictionary.to_pylist(), as_stored(column.indices)
