@@ -26,7 +26,7 @@ from loop.half_rule import Reduction
 from loop.margin_batch import MarginBatch
 from loop.signals import Flags
 from tuning.answer import Tuning
-from tuning.catalogue import RULES
+from tuning.catalogue import rule_of
 from tuning.full_process import FullProcess
 from tuning.verification import Verification, Worst
 
@@ -96,7 +96,7 @@ def tuning_body(tuning: Tuning) -> Body:
         **settings_body(proposal.pid),
         "tau_c": proposal.tau_c,
         "tau_c_reason": proposal.tau_c_reason,
-        "source": RULES[proposal.rule].source,
+        "source": rule_of(proposal.rule).source,
         "status": proposal.status,
         "notes": list(proposal.notes),
         **(unverified if found is None else verification_body(found)),

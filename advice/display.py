@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from loop.controller import PID
 from loop.margins import Margins
 from tuning.answer import Tuning
-from tuning.catalogue import RULES
+from tuning.catalogue import rule_of
 from tuning.proposals import Proposal
 
 
@@ -31,7 +31,7 @@ def decibels(ratio: float) -> str:
 
 def rule_name(proposal: Proposal) -> str:
     """The rule with its structure, and its speed where it has one."""
-    title = RULES[proposal.rule].title
+    title = rule_of(proposal.rule).title
     words = title if title.split()[-1].startswith("PI") else f"{title} {proposal.structure}"
     if proposal.tau_c is None:
         return words

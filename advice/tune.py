@@ -34,6 +34,7 @@ from tuning.answer import Tuning, Tunings, tunings
 from tuning.full_process import FullProcess, on_full_process, simplest
 from tuning.profiles import DEFAULT_PROFILE, Profile, profile_named
 from tuning.proposals import tune_from_ultimate
+from tuning.swinging import swing_of, verify_swing
 from tuning.ultimate import UltimatePoint
 from tuning.verification import Verification, verify
 
@@ -248,6 +249,10 @@ def _kept(
     """What the running settings keep: on the model that rules have, and on the process itself."""
     if running is None:
         return None, None
+    swing = swing_of(process)
+    if swing is not None:
+        (found,) = verify_swing(swing, [running], answer.profile, sample_time=scan_time)
+        return found, None
     if not answer.reductions:
         return verify(process, running, answer.profile, sample_time=scan_time), None
     closest = answer.reductions[-1]

@@ -5,6 +5,7 @@ from dataclasses import astuple
 import numpy as np
 
 from identification.identify import Identification
+from loop.process import TransferFunction
 from loop.signals import Real
 
 # No tuning can be verified for a gain or a time constant a hundred times off; it keeps products of
@@ -57,6 +58,10 @@ def parameter_draws(identification: Identification, *, n: int = 200, seed: int =
     fitted, structure = identification.fitted, identification.structure
     if fitted is None or structure is None:
         raise ValueError("draws of the parameters need a fitted model with its errors")
+    if isinstance(fitted, TransferFunction):
+        raise ValueError(  # noqa: TRY004 - what a record carries is no wrong type of an argument
+            "draws are of lags and dead times, not of a process that swings"
+        )
     if fitted != structure.process:
         raise ValueError(
             f"the record speaks for {structure.structure.name}; the errors of its simplification "

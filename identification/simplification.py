@@ -16,9 +16,9 @@ from identification.structures import (
     UNDERDAMPED,
 )
 from loop.half_rule import half_rule
-from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, PureDelay
+from loop.process import FOPDT, IPDT, SOPDT, DoubleIntegrator, PureDelay, TransferFunction
 
-SimpleProcess: TypeAlias = FOPDT | SOPDT | IPDT | DoubleIntegrator | PureDelay
+SimpleProcess: TypeAlias = FOPDT | SOPDT | IPDT | DoubleIntegrator | PureDelay | TransferFunction
 # From here on a swing raises no frequency by more than 4 %, 1/(2 zeta sqrt(1 - zeta^2)), and two
 # lags stand in for it.
 DAMPED = 0.6
@@ -32,7 +32,7 @@ def simplified(chosen: Candidate) -> tuple[SimpleProcess | None, str]:
     An inverse response is as bad as a dead time of the same length, and the lag behind an
     integrator as half its length [1]_; here it counts in full, which is on the safe side. A lead
     cancels by the half rule's approximations of a numerator [1]_, and a swing with a damping above
-    0.6 becomes two lags with the same sum. None of this is proof.
+    0.6 becomes two lags with the same sum; one below stays as it is. None of this is proof.
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ def simplified(chosen: Candidate) -> tuple[SimpleProcess | None, str]:
 
     Returns
     -------
-    process : FOPDT, SOPDT, IPDT, DoubleIntegrator, PureDelay or None
-        None where a parameter is outside what a process may have, or it swings by itself.
+    process : FOPDT, SOPDT, IPDT, DoubleIntegrator, PureDelay, TransferFunction or None
+        None where a parameter is outside what a process may have.
     remark : str
         What was simplified, or why there is no process; empty where the structure is itself simple.
     """
@@ -68,9 +68,12 @@ def _simple(chosen: Candidate, values: dict[str, float]) -> tuple[SimpleProcess,
         )
     if chosen.structure is UNDERDAMPED:
         if values["zeta"] < DAMPED:
-            raise ValueError(
-                f"no tuning rule takes a process that swings by itself with a damping of "
-                f"{values['zeta']:.2g}, below {DAMPED:g}"
+            swinging = chosen.structure.process(*chosen.values.tolist())
+            assert isinstance(swinging, TransferFunction)  # noqa: S101 - as its structure has it
+            return swinging, (
+                f"no published rule takes a process that swings by itself with a damping of "
+                f"{values['zeta']:.2g}, below {DAMPED:g}: settings are computed for it and held to "
+                "it with its damping off by ±50 % too"
             )
         lag = values["zeta"] * values["T"]
         return SOPDT(K=values["K"], tau1=lag, tau2=lag, theta=values["theta"]), (

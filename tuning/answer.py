@@ -22,6 +22,7 @@ from tuning.proposals import Proposal, tune_all
 from tuning.ranking import Recommendation, recommend
 from tuning.robust import robust_tau_c
 from tuning.rule import check_tau_c
+from tuning.swinging import Swing, swing_of, tune_swing
 from tuning.verification import Verification, verify_many
 
 
@@ -87,7 +88,8 @@ def tunings(
     process : Process
         Process model of any order. What the rules do not take as it is they get as a first-order
         and a second-order model by the half rule; ±50 % of model error then moves that model, and
-        the margins at the process itself must hold as well. [s]
+        the margins at the process itself must hold as well. One that swings by itself,
+        K/(T^2 s^2 + 2 zeta T s + 1), gets settings computed for it. [s]
     profile : Profile
         Limits on the margins.
     tau_c : float, optional
@@ -113,6 +115,11 @@ def tunings(
     ('simc', 'PI', 42.9)
     """
     process = simplest(process)
+    swing = swing_of(process)
+    if swing is not None:
+        if tau_c is not None:
+            check_tau_c(tau_c)
+        return _of_swing(swing, profile, sample_time)
     if not is_low_order(process):
         return _of_any_order(process, profile, tau_c=tau_c, sample_time=sample_time)
     proposals = list(tune_all(process, tau_c=tau_c))
@@ -129,6 +136,16 @@ def tunings(
             Tuning(proposal=p, verification=v) for p, v in zip(proposals, verified, strict=True)
         ),
         recommendation=recommend(proposals, verified),
+    )
+
+
+def _of_swing(swing: Swing, profile: Profile, sample_time: float) -> Tunings:
+    """Computed settings for a process that swings by itself; the published rules refuse it."""
+    answered = tune_swing(swing, profile, sample_time=sample_time)
+    return Tunings(
+        profile=profile,
+        tunings=tuple(Tuning(proposal=p, verification=v) for p, v in answered),
+        recommendation=recommend([p for p, _ in answered], [v for _, v in answered]),
     )
 
 

@@ -12,6 +12,7 @@ from tuning import (
     isimc,
     kappa_tau,
     lambda_pi,
+    least_area,
     minimum_error,
     pure_delay,
     shinskey,
@@ -51,3 +52,14 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         )
     }
 )
+
+
+def rule_of(name: str) -> Rule:
+    """Find what a proposal rests on: a published rule, or settings that are computed.
+
+    Parameters
+    ----------
+    name : str
+        Name of the rule in a proposal.
+    """
+    return least_area.RULE if name == least_area.NAME else RULES[name]

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from loop.controller import PID
-from tuning.catalogue import RULES
+from tuning.catalogue import rule_of
 from tuning.proposals import Proposal
 from tuning.shortfall import gain_margin_words
 from tuning.verification import Verification
@@ -105,7 +105,7 @@ class _Case:
     @property
     def name(self) -> str:
         """The rule with its structure and speed."""
-        title = RULES[self.proposal.rule].title
+        title = rule_of(self.proposal.rule).title
         structure = self.proposal.structure
         words = title if title.split()[-1].startswith("PI") else f"{title} {structure}"
         if self.proposal.tau_c is None:

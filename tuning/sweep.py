@@ -92,12 +92,19 @@ def sweep_of(
         factors=table,
         plants=plants,
         corners=2**p if corners else 0,
-        where=tuple(_where(row) for row in moved_by),
+        where=tuple(where_of(row) for row in moved_by),
         moved=tuple(row[0] if len(row) == 1 else (None, 1.0) for row in moved_by),
     )
 
 
-def _where(moved: list[tuple[str, float]]) -> str:
+def where_of(moved: list[tuple[str, float]]) -> str:
+    """Say which parameters are off by which factors.
+
+    Parameters
+    ----------
+    moved : list of tuple of str and float
+        Parameters with their factors.
+    """
     said = ", ".join(f"{name} x {factor:g}" for name, factor in moved)
     return f"with {said}" if said else "at the model"
 

@@ -200,6 +200,21 @@ def verify_many(
         return ()
     sweep = sweep_of(process)
     found = _margins_of(sweep, controller_column(controllers), sample_time)
+    return judged(sweep, found, profile)
+
+
+def judged(sweep: Sweep, found: MarginBatch, profile: Profile) -> tuple[Verification, ...]:
+    """Turn the margins of m controllers on the plants of a sweep into verdicts.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        n plants.
+    found : MarginBatch, shape (m, n)
+        Margins on them.
+    profile : Profile
+        Limits on the margins.
+    """
     holds = profile_holds(sweep, found, profile)
     first_corner = len(sweep.where) - sweep.corners
     worst = _worst(sweep, found, slice(0, first_corner))

@@ -275,7 +275,8 @@ def event_sizes(case: TuningCase) -> tuple[float, float]:
     model = case.model
     if model is not None and model.process is not None and model.steps:
         op = 0.1 * max(abs(reading.step.size) for reading in model.steps)
-        return abs(model.process.K) * op, op
+        gain = model.process.numerator[-1] / (model.process.denominator[-1] or 1.0)
+        return abs(gain) * op, op
     return 1.0, 1.0
 
 

@@ -147,9 +147,9 @@ def test_tuning_gets_a_process_that_its_rules_take(
             assert values[0] < found.process.K  # a lead longer than both lags acts like more gain
             assert "is cancelled against a lag" in " ".join(found.reasons)
         case _:
-            assert found.process is None
-            assert found.verdict is Verdict.REFUSED
-            assert "No tuning rule takes a process that swings by itself" in found.reasons[0]
+            assert found.process == choice(found).chosen.process
+            assert found.verdict is Verdict.CARE
+            assert "No published rule takes a process that swings by itself" in found.reasons[0]
             return
     exact = name != "two lags and a lead"
     assert (found.full == found.process) is exact

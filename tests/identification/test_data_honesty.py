@@ -7,6 +7,7 @@ from identification.data_honesty import data_facts, judge_data, judge_unit, reso
 from identification.held_input import HeldInput, lag_response
 from identification.identify import Identification, identify
 from identification.verdict import Verdict
+from loop.process import FOPDT
 from loop.record import Record
 
 T = np.arange(0.0, 601.0)
@@ -85,7 +86,7 @@ def test_coarse_rounding_costs_trust(digits: float, verdict: Verdict) -> None:
 def test_noise_averages_a_resolution_of_its_own_size_out() -> None:
     found = of(np.round(RAW / 0.4) * 0.4)
     assert found.verdict is Verdict.TRUSTED
-    assert found.process is not None
+    assert isinstance(found.process, FOPDT)
     assert pytest.approx(2, rel=0.02) == found.process.K
 
 

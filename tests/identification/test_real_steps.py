@@ -99,7 +99,7 @@ def test_the_gain_falls_with_the_power() -> None:
     for to in ("050", "100"):
         t, pv, op = readings(f"sp_ensH1_000_{to}_en1")
         found = identify(Record(t=t, pv=pv, op=op, op_before=0.0))
-        assert found.process is not None
+        assert isinstance(found.process, FOPDT)
         gains.append(found.process.K)
     assert gains == pytest.approx([1.006, 0.907], abs=0.02)
 

@@ -70,7 +70,7 @@ def test_a_model_from_a_record_is_the_one_the_library_finds(
     assert answer.status_code == 201, answer.text
     body = answer.json()
     expected = identify(record)
-    assert expected.process is not None
+    assert isinstance(expected.process, FOPDT)
     assert body["K"] == pytest.approx(expected.process.K, rel=1e-6)
     assert body["theta"] == pytest.approx(expected.process.theta, rel=1e-6)
     assert (body["verdict"], body["reasons"]) == (expected.verdict, list(expected.reasons))

@@ -149,7 +149,7 @@ def test_the_sign_of_the_gain_turns_the_action_and_nothing_else() -> None:
     ("process", "words"),
     [
         (TransferFunction((1.0,), (-3.0, 1.0), 1.0), "the process is unstable"),
-        (TransferFunction((1.0,), (4.0, 0.4, 1.0), 1.0), "oscillates by itself"),
+        (TransferFunction((1.0,), (4.0, 4.4, 1.4, 1.0), 1.0), "oscillates by itself"),
         (TransferFunction((1.0, 0.0), (1.0, 1.0), 1.0), "passes no constants"),
         (TransferFunction((2.0,), (1.0,)), "no lag and no dead time"),
     ],
