@@ -9,6 +9,7 @@ enough for the worst of them.
 import math
 from dataclasses import dataclass
 from itertools import product
+from typing import Protocol
 
 import numpy as np
 
@@ -32,6 +33,66 @@ ABORT = 1.25
 SMALLEST_ANSWER = 5.0
 CONFIDENT = 1.96
 MOST_SAMPLES = 5000
+
+
+class Limits(Protocol):
+    """What every plan is given beside the process."""
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of PV's noise. [PV]"""
+
+    @property
+    def deviation(self) -> float:
+        """How far PV may move from rest. [PV]"""
+
+    @property
+    def precision(self) -> float:
+        """Wanted half-width of the 95 % intervals. [-]"""
+
+    @property
+    def factor(self) -> float:
+        """How many times parameters may be off. [-]"""
+
+    @property
+    def room_up(self) -> float:
+        """How far OP may move up. [OP]"""
+
+    @property
+    def room_down(self) -> float:
+        """How far OP may move down. [OP]"""
+
+    @property
+    def sample_time(self) -> float | None:
+        """Time between samples. [s]"""
+
+
+def check_wishes(wishes: Limits) -> None:
+    """Refuse limits that no test can keep.
+
+    Parameters
+    ----------
+    wishes : Limits
+        What is wanted of a test.
+
+    Raises
+    ------
+    ValueError
+        A number cannot be.
+    """
+    for name in ("noise", "deviation", "precision"):
+        if not 0 < getattr(wishes, name) < math.inf:
+            raise ValueError(f"{name} must be positive, got {getattr(wishes, name)}")
+    if not 1 <= wishes.factor <= 5:
+        raise ValueError(f"factor must lie within 1 and 5, got {wishes.factor}")
+    room = wishes.room_up + wishes.room_down
+    if not (wishes.room_up >= 0 and wishes.room_down >= 0 and room > 0):
+        raise ValueError(
+            "room_up and room_down must not be negative nor both 0, got "
+            f"{wishes.room_up} and {wishes.room_down}"
+        )
+    if wishes.sample_time is not None and not 0 < wishes.sample_time < math.inf:
+        raise ValueError(f"sample_time must be positive, got {wishes.sample_time}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,18 +128,7 @@ class Wishes:
     sample_time: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("noise", "deviation", "precision"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
-        if not 1 <= self.factor <= 5:
-            raise ValueError(f"factor must lie within 1 and 5, got {self.factor}")
-        if not (self.room_up >= 0 and self.room_down >= 0 and self.room_up + self.room_down > 0):
-            raise ValueError(
-                "room_up and room_down must not be negative nor both 0, got "
-                f"{self.room_up} and {self.room_down}"
-            )
-        if self.sample_time is not None and not 0 < self.sample_time < math.inf:
-            raise ValueError(f"sample_time must be positive, got {self.sample_time}")
+        check_wishes(self)
 
     def corners(self) -> list[FOPDT]:
         """The guess, and the processes off it by the factor in every parameter."""

@@ -6,10 +6,9 @@ from typing import Annotated
 
 import typer
 
-from advice.planning import plan_body, plan_sentences, plan_test
-from identification.planner import Wishes
+from advice.planning import plan_body, plan_sentences, plan_test, wishes_for
 from loop.errors import NoLimitCycle
-from loop.process import FOPDT
+from loop.process import FOPDT, IPDT
 from service.cli.stating import process_from_text
 
 REFUSED = 3
@@ -18,7 +17,10 @@ REFUSED = 3
 def plan(
     process: Annotated[
         str,
-        typer.Argument(metavar="PROCESS", help="FOPDT:K,TAU,THETA as far as known, in seconds."),
+        typer.Argument(
+            metavar="PROCESS",
+            help="FOPDT:K,TAU,THETA or IPDT:K,THETA as far as known, in seconds.",
+        ),
     ],
     noise: Annotated[
         float, typer.Option(metavar="PV", help="Standard deviation of the noise of PV.")
@@ -44,22 +46,21 @@ def plan(
         bool, typer.Option("--json", help="Print the document that the API answers.")
     ] = False,
 ) -> int:
-    """Plan a step test or a relay test: moves, duration, expected errors, limits.
+    """Plan a test by steps, by pulses (of an integrator) or by relay: moves, errors, limits.
 
     Exit code 0: answered. 3: refused, with what would do. 2: called wrongly. 1: failed.
     """
     guess = process_from_text(process)
-    if not isinstance(guess, FOPDT):
-        raise typer.BadParameter("tests are planned for FOPDT:K,TAU,THETA")
+    if not isinstance(guess, FOPDT | IPDT):
+        raise typer.BadParameter("tests are planned for FOPDT:K,TAU,THETA and IPDT:K,THETA")
     try:
-        wishes = Wishes(
-            guess=guess, noise=noise, deviation=deviation, precision=precision, factor=factor,
+        wishes = wishes_for(
+            guess, noise=noise, deviation=deviation, precision=precision, factor=factor,
             room_up=room_up, room_down=room_down, sample_time=sample_time,
         )  # fmt: skip
+        found = plan_test(wishes, "relay" if relay else "steps")
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
-    try:
-        found = plan_test(wishes, "relay" if relay else "steps")
     except NoLimitCycle as reason:
         typer.echo(str(reason))
         return REFUSED

@@ -3,16 +3,15 @@
 import math
 
 from advice.body import Body
-from advice.planning import plan_body, plan_test
-from identification.planner import Wishes
-from loop.process import FOPDT
+from advice.planning import plan_body, plan_test, wishes_for
+from loop.process import FOPDT, IPDT
 from service.errors import InvalidRequest
 from service.models.schemas import stated_process
 from service.plans.schemas import PlanTest
 
 
 def plan(wanted: PlanTest) -> Body:
-    """Plan a step test or a relay test.
+    """Plan a test by steps, pulses or a relay.
 
     Raises
     ------
@@ -22,10 +21,10 @@ def plan(wanted: PlanTest) -> Body:
         A relay would not cycle clear of the noise.
     """
     guess = stated_process(wanted.process)
-    assert isinstance(guess, FOPDT)  # noqa: S101 - the body allows no other
+    assert isinstance(guess, FOPDT | IPDT)  # noqa: S101 - the body allows no other
     try:
-        wishes = Wishes(
-            guess=guess,
+        wishes = wishes_for(
+            guess,
             noise=wanted.noise,
             deviation=wanted.deviation,
             precision=wanted.precision,

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from service.models.schemas import FOPDTBody
+from service.models.schemas import FOPDTBody, IPDTBody
 from service.schemas import Answer, Strict
 from service.units import Positive, Seconds
 
@@ -12,10 +12,12 @@ NotNegative = Annotated[float, Field(ge=0, le=1e12, allow_inf_nan=False)]
 
 
 class PlanTest(Strict):
-    """Ask for a plan of a step test or a relay test."""
+    """Ask for a plan of a test by steps, pulses or a relay."""
 
     kind: Literal["steps", "relay"] = Field("steps", description="Moves in manual, or a relay.")
-    process: FOPDTBody = Field(description="The process as far as anybody knows.")
+    process: Annotated[FOPDTBody | IPDTBody, Field(discriminator="kind")] = Field(
+        description="The process as far as anybody knows; one that integrates gets pulses."
+    )
     noise: Positive = Field(description="Standard deviation of PV's noise. [PV]")
     deviation: Positive = Field(description="How far PV may move from rest. [PV]")
     precision: Annotated[float, Field(gt=0, le=10)] = Field(
@@ -34,11 +36,12 @@ class PlanBody(Answer):
 
     model_config = ConfigDict(extra="allow", allow_inf_nan=False)
 
-    kind: Literal["steps", "relay"]
+    kind: Literal["steps", "pulses", "relay"]
     duration: float = Field(description="Length of the record, if the guess is right. [s]")
     sample_time: float = Field(description="Longest time between samples. [s]")
     expected_errors: list[float] = Field(
-        description="Standard errors of K, tau, theta, if the guess is right. [PV/OP], [s], [s]"
+        description="Standard errors of K, tau, theta, or of K and theta for pulses, if the guess "
+        "is right. [PV/OP], [s], [s] or [PV/OP/s], [s]"
     )
     largest_errors: list[float] = Field(description="The same if it is off by the factor.")
     reaches: bool = Field(description="Whether the wanted precision is reached all the same.")

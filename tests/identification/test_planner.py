@@ -9,12 +9,13 @@ from identification.held_input import HeldInput
 from identification.identify import identify
 from identification.least_squares import fopdt_least_squares
 from identification.planner import StepPlan, Wishes, plan_steps, planned_errors
+from identification.pulse_planner import PulseWishes, plan_pulses
 from identification.relay_model import relay_model
 from identification.relay_planner import RelayPlan, plan_relay
 from loop.controller import Action
 from loop.errors import NoLimitCycle
 from loop.open_loop import process_output
-from loop.process import FOPDT
+from loop.process import FOPDT, IPDT
 from loop.record import Record
 from loop.relay_feedback import Relay, simulate_relay
 
@@ -198,3 +199,57 @@ def test_a_relay_test_that_does_not_reach_the_precision_says_so() -> None:
 def test_impossible_wishes_are_refused(change: dict[str, float], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         Wishes(**{"guess": HEATER, "noise": 0.1, "deviation": 1.0, **change})
+
+
+def test_planned_pulses_on_integrators_are_accepted_and_reach_their_errors() -> None:
+    refused, outside = 0, 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        K, theta = 10 ** rng.uniform(-4, -1) * rng.choice([-1, 1]), 10 ** rng.uniform(0, 2)
+        deviation = rng.uniform(1, 10)
+        noise = deviation * 10 ** rng.uniform(-2.5, -1.2)
+        guess = IPDT(K=K, theta=theta)
+        plan = plan_pulses(PulseWishes(guess=guess, noise=noise, deviation=deviation))
+        assert plan.reaches
+        off = 1.5 ** rng.uniform(-1, 1, 2)
+        true = IPDT(K=K * off[0], theta=theta * off[1])
+        t = np.arange(0.0, plan.duration, plan.sample_time)
+        op = np.append(0.0, plan.levels)[np.searchsorted(plan.times, t, side="right")]
+        still = process_output(true, t, op)
+        assert np.ptp(still) <= 1.01 * deviation  # never further than allowed
+        pv = 50 + still + rng.normal(0, noise, t.size) + 0.05 * deviation * t / plan.duration
+        found = identify(Record(t=t, pv=pv, op=40 + op))
+        if not isinstance(found.process, IPDT):
+            refused += 1
+            continue
+        assert found.standard_errors is not None
+        errors = found.standard_errors[[0, -1]]
+        outside += bool(np.any(errors > 1.5 * np.array(plan.largest_errors)))
+        assert abs(found.process.K / true.K - 1) < 0.1
+    assert refused <= 1
+    assert outside <= 1
+
+
+def test_pulses_keep_within_the_room_and_say_what_they_cannot() -> None:
+    tank = IPDT(K=0.002, theta=10.0)
+    given = {"noise": 0.05, "deviation": 2.0}
+    plan = plan_pulses(PulseWishes(guess=tank, **given))
+    assert (len(plan.times), plan.levels[1], sum(np.sign(plan.levels))) == (4, 0.0, 0.0)
+    small = plan_pulses(PulseWishes(guess=tank, room_up=3.0, room_down=3.0, **given))
+    assert small.step == 3.0
+    assert small.hold > plan.hold
+    assert any("the room of OP" in remark for remark in small.remarks)
+    one_way = plan_pulses(PulseWishes(guess=tank, room_up=0.0, **given))
+    assert one_way.levels == (-plan.step, 0.0)
+    assert any("one direction only" in remark for remark in one_way.remarks)
+    loud = plan_pulses(PulseWishes(guess=tank, noise=4.0, deviation=2.0))
+    assert not loud.reaches
+    assert any("are not reached" in remark for remark in loud.remarks)
+    with pytest.raises(ValueError, match="needs the sample time"):
+        PulseWishes(guess=IPDT(K=0.002, theta=0.0), **given)
+    sampled = plan_pulses(PulseWishes(guess=IPDT(K=0.002, theta=0.0), sample_time=5.0, **given))
+    assert sampled.hold == 300.0
+    # Another unit of time changes times and the gain alone.
+    faster = plan_pulses(PulseWishes(guess=IPDT(K=0.12, theta=10 / 60), **given))
+    assert faster.step == pytest.approx(plan.step)
+    assert faster.duration == pytest.approx(plan.duration / 60)

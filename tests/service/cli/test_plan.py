@@ -25,6 +25,11 @@ def test_the_text_says_what_to_do_and_when_to_stop(said: Said) -> None:
     assert "Stop and put OP back if PV is 6.25 or more from rest" in said()[0]
 
 
+def test_an_integrator_gets_pulses(said: Said) -> None:
+    assert run(["plan", "IPDT:0.002,10", "--noise", "0.05", "--deviation", "2"]) == 0
+    assert "Expect PV to move by +1.33 over the first pulse" in said()[0]
+
+
 def test_a_relay_within_the_noise_is_refused(said: Said) -> None:
     assert run([*HEATER[:-1], "0.5", "--relay"]) == 3
     assert "make a step test" in said()[0]
@@ -33,7 +38,7 @@ def test_a_relay_within_the_noise_is_refused(said: Said) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["plan", "IPDT:2,30", *HEATER[2:]], "tests are planned for FOPDT"),
+        (["plan", "DoubleIntegrator:2,30", *HEATER[2:]], "tests are planned for FOPDT"),
         ([*HEATER, "--factor", "9"], "factor must lie within 1 and 5"),
     ],
 )
