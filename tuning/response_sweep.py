@@ -105,10 +105,13 @@ class SweepVerdict:
         Whether every limit holds at the model and with each parameter off.
     sentence : str
         The verdict with its numbers; where it fails, the smallest error at which it does.
+    missed : str
+        What is missed at that error; empty where nothing is.
     """
 
     passes: bool
     sentence: str
+    missed: str = ""
 
 
 def judge_sweep(sweep: ResponseSweep, profile: Profile) -> SweepVerdict:
@@ -138,7 +141,8 @@ def judge_sweep(sweep: ResponseSweep, profile: Profile) -> SweepVerdict:
             where = f"with {name} x {factor:.2g}" if name else "at the model"
             # A loop that is lost has no margins to miss.
             said = f"{missed[0]} {where}" if found.gain else f"the loop is unstable {where}"
-            return SweepVerdict(passes=False, sentence=f"Fails the {profile.name} profile: {said}.")
+            sentence = f"Fails the {profile.name} profile: {said}."
+            return SweepVerdict(passes=False, sentence=sentence, missed=said)
     gain, phase = (min(getattr(found, name) for *_, found in plants) for name in ("gain", "phase"))
     return SweepVerdict(
         passes=True,

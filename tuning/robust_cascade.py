@@ -66,13 +66,18 @@ def robust_cascade(
         speed = robust_tau_c(inner, RULE, "PI", profile).tau_c
     ends = (FACTORS[0], FACTORS[-1])
 
+    missed = ""
+
     def passes(tau_c: float, factors: tuple[float, ...] = ends) -> RobustCascade | None:
+        nonlocal missed
         try:
             found = cascade(inner, outer, inner_tau_c=speed, outer_tau_c=tau_c)
-        except (RuleNotApplicable, UnstableLoop):
-            return None  # faster than the inner loop allows
+        except (RuleNotApplicable, UnstableLoop) as reason:
+            missed = str(reason).rstrip(".")  # faster than the inner loop allows
+            return None
         sweep = sweep_cascade(found, inner, outer, factors=factors)
         verdict = judge_sweep(sweep, profile)
+        missed = verdict.missed
         if not verdict.passes:
             return None
         return RobustCascade(
@@ -82,13 +87,13 @@ def robust_cascade(
     seen = outer.theta + inner.theta + speed / 2
     slow, fast = FASTEST * seen, 0.0
     while passes(slow) is None:
-        fast, slow = slow, slow * GROWTH
-        if slow > SLOWEST * seen:
+        if slow * GROWTH > SLOWEST * seen:
             raise RuleNotApplicable(
                 TITLE,
-                f"up to an outer tau_c of {SLOWEST * seen:.4g} s it does not keep the profile "
-                f"{profile.name} under ±50 % of each parameter",
+                f"no outer tau_c up to {slow:.4g} s keeps the profile {profile.name} under ±50 % "
+                f"of each parameter; there {missed}",
             )
+        fast, slow = slow, slow * GROWTH
     for _ in range(HALVINGS if fast else 0):
         middle = (fast * slow) ** 0.5
         fast, slow = (fast, middle) if passes(middle) else (middle, slow)

@@ -54,29 +54,24 @@ def robust_smith(model: FOPDT, profile: Profile) -> RobustSmith:
     """
     ends = (FACTORS[0], FACTORS[-1])
 
-    def passes(tau_c: float, factors: tuple[float, ...] = ends) -> RobustSmith | None:
+    def tried(tau_c: float, factors: tuple[float, ...] = ends) -> RobustSmith:
         predictor = smith_predictor(model, tau_c)
         sweep = sweep_smith(predictor, factors=factors)
-        verdict = judge_sweep(sweep, profile)
-        return (
-            RobustSmith(predictor=predictor, sweep=sweep, verdict=verdict)
-            if verdict.passes
-            else None
-        )
+        return RobustSmith(predictor=predictor, sweep=sweep, verdict=judge_sweep(sweep, profile))
 
     theta = model.theta or 1.0  # without dead time the first predictor refuses
     slow, fast = FASTEST * theta, 0.0
-    while passes(slow) is None:
-        fast, slow = slow, slow * GROWTH
-        if slow > SLOWEST * theta:
+    while not (last := tried(slow)).verdict.passes:
+        if slow * GROWTH > SLOWEST * theta:
             raise RuleNotApplicable(
                 TITLE,
-                f"up to tau_c = {SLOWEST:g} dead times it does not keep the profile "
-                f"{profile.name} under ±50 % of each parameter",
+                f"no tau_c up to {slow:.4g} s, {slow / theta:.3g} dead times, keeps the profile "
+                f"{profile.name} under ±50 % of each parameter; there {last.verdict.missed}",
             )
+        fast, slow = slow, slow * GROWTH
     for _ in range(HALVINGS if fast else 0):
         middle = (fast * slow) ** 0.5
-        fast, slow = (fast, middle) if passes(middle) else (middle, slow)
-    while (found := passes(slow, FACTORS)) is None:  # an error between the ends was worse
+        fast, slow = (fast, middle) if tried(middle).verdict.passes else (middle, slow)
+    while not (found := tried(slow, FACTORS)).verdict.passes:  # an error between the ends is worse
         slow *= 1.02
     return found
