@@ -61,6 +61,8 @@ def settings_words(pid: PID) -> str:
 
 def margins_words(found: Margins) -> str:
     """The margins of one loop in one line."""
+    if not found.gain:  # how a sweep writes down a loop that is lost
+        return "unstable"
     return (
         f"gain margin {decibels(found.gain)} dB, phase margin {digits(found.phase, 3)}°, delay "
         f"margin {digits(found.delay, 3)} s, Ms {digits(found.Ms, 3)}, Mt {digits(found.Mt, 3)}"

@@ -11,11 +11,13 @@ from tuning.sweep import FACTORS
 
 # A lead of more than this multiplies noise as a derivative with N = 10 does.
 LARGEST_RATIO = 10.0
-POINTS = 4000
+POINTS = 1500
+# Lags: from where to where a response is looked at after something arrived.
+FINEST, RESTS = 1e-3, 14.0
 # Lags closer than this are one double lag.
 SAME_LAG = 1e-6
-# A peak moves by less than a thousandth where only every tenth of them is looked at.
-THINNED = 10
+# A peak moves by less than a thousandth where only every fifth of them is looked at.
+THINNED = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,15 +87,13 @@ def feed_forward(
     late = max(process.theta - load.theta, 0.0)
     delay = max(load.theta - process.theta, 0.0)
     realisable = late == 0 and lag == load.tau
-    slow = process.tau + load.tau + lag
-    even = np.linspace(0.0, process.theta + load.theta + 12 * slow, POINTS)
-    # The peak left stands where the correction arrives.
-    t = np.union1d(even, [process.theta, load.theta])
+    law = _Law(gain=gain, lead=process.tau, lag=lag, delay=delay)
+    t = law.times(process, load, POINTS)
     alone = _step(load, t)
     static = alone + gain * _step(process, t)
-    law = _Law(gain=gain, lead=process.tau, lag=lag, delay=delay)
     compensated = alone + law.answer(process, t)
-    peaks = [float(np.max(np.abs(y))) for y in (alone, static, compensated)]
+    # Alone a lag only rises, to its gain.
+    peaks = [abs(load.K), *(float(np.max(np.abs(y))) for y in (static, compensated))]
     if realisable:
         said = "It cancels the load completely, as far as the models are right."
     else:
@@ -106,7 +106,7 @@ def feed_forward(
             f"It cannot be perfect: {' and '.join(why)}. Of a peak of {peaks[0]:.4g} without it "
             f"{peaks[2]:.4g} is left, with the static gain alone {peaks[1]:.4g}."
         )
-    worst_part, worst = _worst(law, process, load, t)
+    worst_part, worst = _worst(law, process, load)
     return FeedForward(
         gain=gain,
         T_lead=process.tau,
@@ -132,6 +132,13 @@ class _Law:
     lag: float
     delay: float
 
+    def times(self, process: FOPDT, load: FOPDT, points: int) -> Real:
+        """Times at which anything arrives, and ever wider after each until all is at rest."""
+        lags = [self.lag, process.tau, load.tau]
+        since = np.concatenate([[0.0], np.geomspace(FINEST * min(lags), RESTS * sum(lags), points)])
+        arrivals = [process.theta, process.theta + self.delay, load.theta]
+        return np.unique(np.add.outer(arrivals, since))
+
     def answer(self, process: FOPDT, t: Real) -> Real:
         """PV that it makes of a unit load step: (lead s + 1)/((lag s + 1)(tau s + 1)) in time."""
         moving = np.maximum(t - process.theta - self.delay, 0.0)
@@ -150,7 +157,7 @@ def _step(model: FOPDT, t: Real) -> Real:
     return np.asarray(-model.K * np.expm1(-np.maximum(t - model.theta, 0.0) / model.tau))
 
 
-def _worst(law: _Law, process: FOPDT, load: FOPDT, t: Real) -> tuple[float, str]:
+def _worst(law: _Law, process: FOPDT, load: FOPDT) -> tuple[float, str]:
     """Largest part of the peak that is left with one parameter off, and where."""
     found = []
     for place, model in (("process", process), ("load", load)):
@@ -158,10 +165,9 @@ def _worst(law: _Law, process: FOPDT, load: FOPDT, t: Real) -> tuple[float, str]
             for factor in FACTORS if value else ():
                 moved = replace(model, **{name: value * factor})
                 plant, disturbance = (moved, load) if place == "process" else (process, moved)
-                arrivals = [plant.theta + law.delay, disturbance.theta]
-                times = np.union1d(t[::THINNED], arrivals)
-                alone = _step(disturbance, times)
-                left = alone + law.answer(plant, times)
-                part = float(np.max(np.abs(left)) / np.max(np.abs(alone)))
+                t = law.times(plant, disturbance, POINTS // THINNED)
+                alone = _step(disturbance, t)
+                left = alone + law.answer(plant, t)
+                part = float(np.max(np.abs(left))) / abs(disturbance.K)
                 found.append((part, f"{name} of the {place} x {factor:.2g}"))
     return max(found)

@@ -285,6 +285,16 @@ def test_what_cannot_be_is_a_sentence_with_its_numbers(client: TestClient) -> No
         assert answer.status_code in (400, 422), text
 
 
+def test_absurd_numbers_are_answered_without_a_surprise(said: Said) -> None:
+    assert run(["feedforward", "FOPDT:1,1e-8,0", "FOPDT:1,1e-8,6e8"]) == 0
+    assert "It cancels the load completely" in said()[0]
+    assert (
+        run(["detune", "FOPDT:5,10,19", "--gain", "7e-4", "--scan-time", "1e8", "--knob", "0"]) == 0
+    )
+    assert "AMIGO PI detuned to that gain: Kc = 0.0007000" in said()[0]
+    assert "; unstable. The rule" in said()[0]
+
+
 @pytest.mark.parametrize(
     ("call", "code", "words"),
     [
@@ -304,6 +314,7 @@ def test_what_cannot_be_is_a_sentence_with_its_numbers(client: TestClient) -> No
         ("detune FOPDT:2,120,30 --knob wild", 2, "one of calm, normal, fast, got wild"),
         ("detune FOPDT:2,120,30 --knob 2", 2, "must lie within 0 (calm) and 1 (fast), got 2"),
         ("interaction 1,2/x,4", 2, "gains are rows of numbers"),
+        ("feedforward FOPDT:1,1e-9,0 FOPDT:1,1,0", 2, "tau must lie within 1e-09"),
         ("interaction 1,2/2,4", 3, "singular"),
         ("smooth FOPDT:2,120,30 --load 50 --allowed 1", 3, "to be allowed"),
     ],
