@@ -379,8 +379,9 @@ def _activity(
     """First and one past the last sample of the longest active run, active part, amplitude.
 
     A window of one period is active where its mean square reaches a quarter of the region's 90 %
-    quantile; breaks of up to two periods do not end a run. The active part counts all of the
-    record: noise may break the run of a wave that never stops.
+    quantile, or an eighth of what it is on average where the energy lies: a burst may be shorter
+    than a tenth of the region. Breaks of up to two periods do not end a run. The active part
+    counts all of the record: noise may break the run of a wave that never stops.
     """
     window = max(round(period), 2)
     sums = np.cumsum(np.r_[0.0, square])
@@ -392,7 +393,9 @@ def _activity(
     below, above = int(place), min(int(place) + 1, there.size - 1)
     parted = np.partition(there, (below, above))
     high = float(parted[below] + (place - below) * (parted[above] - parted[below]))
-    active = power >= 0.25 * high
+    total = float(np.sum(there))
+    burst = float(there @ there) / total if total > 0 else 0.0
+    active = power >= 0.25 * max(high, 0.5 * burst)
     turns = np.flatnonzero(active[1:] != active[:-1]) + 1
     edges = np.r_[0, turns, active.size]
     starts, ends = (edges[k : edges.size - 1 + k][int(not active[0]) :: 2] for k in (0, 1))
