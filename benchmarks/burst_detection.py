@@ -20,7 +20,7 @@ from loop.signals import Real
 from monitoring.bursts import FEWEST, HOP, MOST
 from monitoring.oscillation import oscillation
 
-SEED = 950
+SEED = 960
 SAMPLES = 2000
 COUNT = 600
 SHORTEST_PERIOD, LONGEST_PERIOD = 8.0, SAMPLES / 10

@@ -23,7 +23,9 @@ SEGMENT, HOP = 64, 32
 FEWEST, MOST = 5, 22
 # The part is looked for within so many segments on either side.
 REACH = 4
-TRIES = 6
+TRIES = 3
+# Places at which a part may begin and end: all pairs of them are tried.
+MOST_EDGES = 96
 # Bins of the part beside the tone that make its own floor; the nearest ones hold the tone.
 BESIDE = np.r_[-8:-1, 2:9]
 ORDER = 6
@@ -268,10 +270,10 @@ def _tone(y: Real, f: float, begin: int) -> tuple[float, int, int, float]:
     near = y[low:high] - y[begin : begin + SEGMENT].mean()
     t = np.arange(near.size)
     a, b = begin - low, begin - low + SEGMENT
-    for step in (SEGMENT / 8, SEGMENT / 8, 0.0):
+    for step in (SEGMENT // 8, SEGMENT // 8, near.size // MOST_EDGES):
         f = _frequency(near[a:b], f)
         sums = np.cumsum(np.r_[0.0, near * np.exp(-2j * np.pi * f * t)])
-        edges = np.arange(0, near.size + 1, max(round(1 / f), int(step)))
+        edges = np.arange(0, near.size + 1, max(round(1 / f), step))
         lengths = edges - edges[:, None]
         found = sums[edges] - sums[edges, None]
         power = (found.real**2 + found.imag**2) / np.maximum(lengths, 1)
