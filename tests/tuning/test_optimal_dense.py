@@ -15,7 +15,9 @@ from tuning.optimal import optimal
 MS = 1.59
 # tau; the table's references, Kc, Ti and J; J at its settings, and how far J falls below that.
 ROWS = (
+    (0.001, (1.6099, 1.6099), (0.1993, 0.3209, 1.0000), 1.0001, 5e-5),
     (1.0, (2.0804, 2.0201), (0.5450, 1.1169, 1.0072), 1.0061, 5e-4),
+    (8.0, (2.1832, 1.1346), (3.4735, 4.0430, 1.2240), 1.2223, -1e-5),
     (20.0, (2.1799, 0.6009), (8.3376, 5.0374, 1.3574), 1.3557, 1.2e-3),
 )
 
@@ -59,7 +61,7 @@ def absolute_areas(tau: float, Kc: Real, Ti: Real, steps: int) -> Real:
 
 
 @pytest.mark.parametrize(("tau", "references", "table", "its_J", "gain"), ROWS)
-def test_where_the_table_is_missed_its_settings_are_the_worse_ones(
+def test_no_integral_time_is_better_and_where_the_table_is_missed_its_own_is_worse(
     tau: float,
     references: tuple[float, float],
     table: tuple[float, float, float],
@@ -77,7 +79,7 @@ def test_where_the_table_is_missed_its_settings_are_the_worse_ones(
     Ms = float(np.max(1 / np.abs(1 + Kc * loop_gain(tau, Ti))))
     assert MS - 1e-5 < Ms < MS + 1e-6
     # Kc of the table is the largest at its Ti too, to its digits.
-    assert table[0] == pytest.approx(largest_gain(tau, table[1]), rel=1e-4)
+    assert table[0] == pytest.approx(largest_gain(tau, table[1]), rel=2e-4)
     times = Ti * np.linspace(0.88, 1.12, 17)
     gains = np.array([largest_gain(tau, float(time)) for time in times])
     Kcs, Tis = np.append(gains, [Kc, table[0]]), np.append(times, [Ti, table[1]])
