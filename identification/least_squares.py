@@ -38,8 +38,9 @@ VALUES, MOST_VALUES = 250, 5000
 WORTHWHILE, NOISY, NARROW, SHARP = 20, 1e-3, 0.1, 0.5
 # So few samples cost hardly more a step than their averages, which are then not worth a descent.
 FEW = 4096
-# The first steps need no more than to start the last ones well.
-CLOSE = 1e-3
+# The first steps need no more than to start the last ones well. Of several valleys those are not
+# followed to their bottom that lie this many times as high as the lowest when nearly there.
+CLOSE, ROUGH, HOPELESS = 1e-3, 0.05, 2.0
 # A time constant of 30 records cannot be told from an integrator, one of a fiftieth of a sample not
 # from none.
 SLOWEST, FASTEST = 30.0, 0.02
@@ -131,6 +132,7 @@ def fopdt_least_squares(
     start: bool = False,
     earliest: float = 0.0,
     latest: float | None = None,
+    begin: tuple[float, float] | None = None,
 ) -> LeastSquaresFit:
     """Fit first order plus dead time to a record by least squares of the simulation error.
 
@@ -153,6 +155,9 @@ def fopdt_least_squares(
     latest : float, optional
         Largest dead time allowed, for an input that repeats itself. Default: what the record can
         show. [s]
+    begin : tuple of float, optional
+        tau and theta to start from, of another fit to the same answer. Default: they are searched.
+        [s]
 
     Raises
     ------
@@ -197,12 +202,19 @@ def fopdt_least_squares(
         t, pv, held.instants, weight=weight, at_most=min(VALUES * (held.moves + 1), MOST_VALUES)
     )
     averaged = problem(few)
-    found = search(averaged, spacing)
-    if len(found) > 1:
-        reached = [descend(averaged, *start, CLOSE)[0] for start in found]
-        best = min(reached, key=lambda point: point.sse)
-        found = [(best.tau, best.theta)]
-    begin = found[0]
+    if begin is None:
+        found = search(averaged, spacing)
+        if len(found) > 1:
+            rough = [descend(averaged, *start, ROUGH)[0] for start in found]
+            least = min(point.sse for point in rough)
+            reached = [
+                descend(averaged, point.tau, point.theta, CLOSE)[0]
+                for point in rough
+                if point.sse <= HOPELESS * least
+            ]
+            best = min(reached, key=lambda point: point.sse)
+            found = [(best.tau, best.theta)]
+        begin = found[0]
     if few.t.size == t.size or t.size > FEW:
         fit = _result(averaged, *descend(averaged, *begin, 0.0), t.size, few.scatter)
         if few.t.size == t.size or _averages_do(fit, few):

@@ -191,11 +191,11 @@ def _fitted(
 ) -> tuple[LeastSquaresFit, float | None, list[str]]:
     """Fit rest and cycles together, or the cycles alone where a load came in between."""
     t, pv, inside = wave.t, wave.pv, wave.settled
-    alone = _with_drift(replace(wave, t=t[inside], pv=pv[inside]), start=True)
+    alone, begin = _with_drift(replace(wave, t=t[inside], pv=pv[inside]), start=True)
     if not shows_rest:
         note = "PV at rest is fitted to the cycles alone: the record does not show the rest before"
         return alone, None, [note, *_drift_note(alone)]
-    together = _with_drift(wave, start=False)
+    together, _ = _with_drift(wave, start=False, begin=begin)
     residual = pv[inside] - together.predict(t[inside])
     colour = residual_colour(pv[inside] - alone.predict(t[inside]))
     excess = float(residual @ residual) - alone.sse
@@ -213,15 +213,23 @@ def _fitted(
     )
 
 
-def _with_drift(wave: _Waveform, *, start: bool) -> LeastSquaresFit:
-    """Fit with a drift where one shows."""
+def _with_drift(
+    wave: _Waveform, *, start: bool, begin: tuple[float, float] | None = None
+) -> tuple[LeastSquaresFit, tuple[float, float]]:
+    """Fit with a drift where one shows; also tau and theta, from which a like fit may begin.
+
+    The drift is fitted first: where there is none the fit without begins well from there, and
+    where there is one nothing depends on the fit without.
+    """
     t, pv, held, latest = wave.t, wave.pv, wave.held, wave.latest
-    plain = fopdt_least_squares(t, pv, held, start=start, latest=latest)
-    drifting = fopdt_least_squares(t, pv, held, start=start, drift=True, latest=latest)
+    drifting = fopdt_least_squares(t, pv, held, start=start, drift=True, latest=latest, begin=begin)
+    reached = drifting.tau, drifting.theta
+    plain = fopdt_least_squares(t, pv, held, start=start, latest=latest, begin=begin or reached)
     colour = residual_colour(pv - drifting.predict(t))
     change = abs(drifting.drift) * float(t[-1] - t[0])
     seen = abs(drifting.drift) > SEEN * drifting.drift_error * colour.inflation**0.5
-    return drifting if seen and change > SMALLEST * float(np.ptp(pv)) else plain
+    chosen = drifting if seen and change > SMALLEST * float(np.ptp(pv)) else plain
+    return chosen, reached
 
 
 def _drift_note(fit: LeastSquaresFit) -> list[str]:
