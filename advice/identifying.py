@@ -14,9 +14,14 @@ from identification.frequency_test import (
 from identification.identify import Identification, identify
 from identification.relay_model import relay_model
 from identification.running_controller import RunningController, running_controller
-from identification.verdict import Verdict
+from identification.tag_shift import judge_tag_shift, tag_shifts
+from identification.verdict import Finding, Verdict
 from loop.errors import NoLimitCycle, PoorExcitation
+from loop.process import FOPDT, IPDT, SOPDT
 from loop.record import Record
+
+# A loop tuned for the dead time of an integrator looks so many of them ahead.
+AHEAD = 5.0
 
 
 def identified(record: Record) -> Identification:
@@ -40,12 +45,12 @@ def identified(record: Record) -> Identification:
     by_relay = _relay(record)
     if by_relay is not None:
         return by_relay
-    if record.mode is None:
-        return identify_routine(record) if _set_point_moved(record) else _test(record)
-    found = _test(record)
+    if record.mode is None and not _set_point_moved(record):
+        return _test(record)
+    found = identify_routine(record) if record.mode is None else _test(record)
     if found.process is None and found.fitted is None and is_routine(record):
-        return identify_routine(record)
-    return found
+        found = identify_routine(record)
+    return _with_stamps_that_belong(record, found)
 
 
 def _test(record: Record) -> Identification:
@@ -59,6 +64,27 @@ def _test(record: Record) -> Identification:
         finding = judge_measured(frequency_response(record), process)
     except PoorExcitation as fact:
         finding = judge_unmeasured(fact)
+    return _judged(found, finding)
+
+
+def _with_stamps_that_belong(record: Record, found: Identification) -> Identification:
+    """Hold a model of a record with stretches in automatic to when OP answers there."""
+    process = found.process
+    if isinstance(process, FOPDT):
+        slowness = process.tau + process.theta
+    elif isinstance(process, SOPDT):
+        slowness = process.tau1 + process.tau2 + process.theta
+    elif isinstance(process, IPDT) and process.theta:
+        slowness = AHEAD * process.theta
+    else:
+        return found
+    for shift in tag_shifts(record):
+        found = _judged(found, judge_tag_shift(shift, slowness))
+    return found
+
+
+def _judged(found: Identification, finding: Finding) -> Identification:
+    """A model with one finding more, and the verdict that follows."""
     reason = finding.reason[:1].upper() + finding.reason[1:]
     reasons = (*found.reasons, reason if reason.endswith(".") else f"{reason}.")
     if finding.verdict is Verdict.TRUSTED:

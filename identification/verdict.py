@@ -117,7 +117,10 @@ def judge_dead_time(fit: LeastSquaresFit, interval: Real, spacing: float) -> Fin
             reason=f"the dead time of {fit.theta:.3g} s may be up to {upper:.3g} s (95 %), more "
             "than +50 %, so choose tau_c no smaller than that",
         )
-    text = f"the dead time of {fit.theta:.3g} s is no longer than {upper:.3g} s (95 %)"
+    text = (
+        f"the dead time of {fit.theta:.3g} s is no longer than {upper:.3g} s (95 %), a late stamp "
+        "of PV counted in"
+    )
     return Finding(verdict=Verdict.TRUSTED, reason=text)
 
 
