@@ -275,6 +275,11 @@ def _filter(
     except UnstableLoop:
         notes.append(f"A filter on PV that costs {asked.phase_cost:.3g}° loses the loop.")
         return None
+    except ValueError as reason:
+        if asked.travel is not None and not asked.travel > 0:
+            raise
+        notes.append(f"No movement of the output was found: {reason}.")
+        return None
 
 
 def _ratios(
@@ -286,6 +291,9 @@ def _ratios(
         return filter_ratios(process, pid, scan_time=h, noise=asked.noise)
     except UnstableLoop:
         notes.append("With one of the usual filter ratios N from 2 to 20 the loop is unstable.")
+        return ()
+    except ValueError as reason:
+        notes.append(f"The filter ratios were not compared: {reason}.")
         return ()
 
 

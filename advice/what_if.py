@@ -252,7 +252,7 @@ def _movements(
 ) -> dict[str, OutputMovement]:
     found = {}
     for name, pid in controllers.items() if given.noise else ():
-        with suppress(UnstableLoop):
+        with suppress(UnstableLoop, ValueError):  # lost, or too slow against its scan to be summed
             found[name] = output_movement(
                 process, pid, scan_time=scan_time, noise=given.noise, pv_filter=given.pv_filter
             )

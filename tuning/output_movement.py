@@ -16,7 +16,7 @@ from tuning.filtered_loop import with_pv_filter
 DAY = 86_400.0
 # The trapezoidal rule on the circle converges as soon as its points are closer than the poles are
 # to it: the sum is doubled until it stands.
-FEWEST, MOST = 2**11, 2**19
+FEWEST, MOST = 2**11, 2**17
 STANDS = 1e-7
 
 
@@ -71,7 +71,8 @@ def output_movement(
     UnstableLoop
         The loop is unstable, so that the output has no spread.
     ValueError
-        The scan time is not positive or the noise is negative.
+        The scan time is not positive, or so short against the loop that the sum does not stand, or
+        the noise is negative.
     """
     if not 0 < scan_time < math.inf:
         raise ValueError(f"scan_time must be positive, got {scan_time}")
@@ -86,6 +87,11 @@ def output_movement(
         n, before = 2 * n, powers
         powers = _powers(process, pid, scan_time, pv_filter, n)
         stands = bool(np.all(np.abs(powers - before) <= STANDS * powers[1]))
+    if not stands:
+        raise ValueError(
+            f"scanned every {scan_time:.4g} s the loop is too slow for its output movement to be "
+            f"summed from {MOST} points; state a longer scan time"
+        )
     u, du, turned = (float(value) for value in powers)
     move = noise * math.sqrt(2 / math.pi * du)
     scans = DAY / scan_time

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, freqs
 
+from advice.conditioning import Wanted, conditioning
 from loop.controller import PID, Action
 from loop.errors import UnstableLoop
 from loop.margins import margins
@@ -216,3 +217,14 @@ def test_a_larger_filter_ratio_keeps_more_and_moves_more() -> None:
     assert ten.movement == output_movement(HEATER, FAST, scan_time=2, noise=0.1)
     with pytest.raises(ValueError, match="no filter ratio"):
         filter_ratios(HEATER, PI, scan_time=2, noise=0.1)
+
+
+def test_a_loop_too_slow_to_be_summed_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tuning.output_movement.MOST", 2**12)
+    endless = SOPDT(K=-1, tau1=1e9, tau2=1e-9, theta=72.7)
+    pid = PID(Kc=2034.0, Td=10.0, tauF=10.0, action=Action.DIRECT)
+    with pytest.raises(ValueError, match=r"too slow for its output movement .* longer scan time"):
+        output_movement(endless, pid, scan_time=1e-9, noise=0.5)
+    found = conditioning(endless, pid, Wanted(scan_time=1e-9, noise=0.5))
+    assert found.pv_filter is None
+    assert any("No movement of the output was found" in note for note in found.notes)
