@@ -41,7 +41,8 @@ lock: install
 	$(COMPILE) pyproject.toml -o requirements/runtime.txt
 	$(COMPILE) pyproject.toml --group dev -o requirements/dev.txt
 	$(COMPILE) pyproject.toml --extra cluster -c requirements/dev.txt -o requirements/cluster.txt
-	$(COMPILE) pyproject.toml --group dev --group bench -c requirements/dev.txt -o requirements/bench.txt
+	$(COMPILE) pyproject.toml --group dev --group bench --group plants -c requirements/dev.txt -o requirements/bench.txt
+	$(COMPILE) pyproject.toml --group dev --group plants -c requirements/dev.txt -o requirements/plants.txt
 
 bench:
 	$(MAKE) VENV=.venv-bench LOCK=requirements/bench.txt install

@@ -1,25 +1,23 @@
 """Which loops oscillate together, and where that comes from: one list of suspects with reasons."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from advice.suspicion import doubts_of, evidence_of, group_reason
+from advice.swings import Grid, Swing, swings_of
 from historian.resampling import even_record
 from loop.record import Record
-from loop.signals import Flags, Real
+from loop.signals import Codes, Flags, Real
 from monitoring.cascade_pairs import CascadePair, cascade_pairs
-from monitoring.nonlinearity import Nonlinearity, nonlinearity
-from monitoring.oscillation import oscillation
-from monitoring.shared_oscillations import SharedOscillation, shared_oscillations
+from monitoring.loop_signals import bridged
 
 # A gap of so many samples is bridged, as in an assessment; a loop with longer ones is left out.
 LARGEST_GAP = 3.5
 FEWEST_SAMPLES = 64
 # Of a grid with more points than so many times the samples, nearly all would be invented.
 MOST_POINTS = 20
-# The first suspect must lead the next by this part of its index, or the order says nothing.
-CLEAR_LEAD = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,15 +28,114 @@ class Suspect:
     ----------
     tag : str
         The loop.
+    probability : float
+        That the oscillation begins, or enters, here. [-]
     nonlinearity : float or None
-        Index of its error; the loop where the oscillation begins has the largest. [-]
+        Index of its signal; the loop where an oscillation begins often has the largest. [-]
+    stiction : float or None
+        Probability that its valve sticks; None where that cannot be judged. [-]
+    coherence : float
+        How well it keeps step with the loop that shows the oscillation best. [-]
+    share : float
+        Part of its variance at the period of the group. [-]
+    oscillates : bool
+        It has an oscillation of its own that was found; otherwise it only feels the group's.
+    evidence : tuple of str
+        What is known of it, one fact a sentence.
     reason : str
-        Why it stands where it stands.
+        The same as one text.
     """
 
     tag: str
+    probability: float
     nonlinearity: float | None
+    stiction: float | None
+    coherence: float
+    share: float
+    oscillates: bool
+    evidence: tuple[str, ...]
     reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arrow:
+    """What the past of one loop adds to the prediction of another (Granger).
+
+    Attributes
+    ----------
+    cause, effect : str
+        Tags.
+    strength : float
+        ln(residual sum of squares without the cause / with it). [-]
+    p_value : float
+        Of the F test. [-]
+    beyond : float or None
+        Standard deviations by which it exceeds causes shifted in time; None where the F test sees
+        nothing. [-]
+    significant : bool
+        Both tests agree.
+    """
+
+    cause: str
+    effect: str
+    strength: float
+    p_value: float
+    beyond: float | None
+    significant: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delay:
+    """By how much one loop follows another.
+
+    Attributes
+    ----------
+    first, second : str
+        Tags.
+    delay : float
+        The second follows the first by so much; negative where it leads. [s]
+    error : float
+        Standard error. [s]
+    sign : {1, -1}
+        Whether it follows the first or its mirror image.
+    correlation : float
+        At that delay, without sign. [-]
+    rival : float
+        The next best delay. [s]
+    clear : bool
+        The delay stands out from every rival; otherwise it is known up to them only.
+    phase_delay : float or None
+        From the phases at the harmonics, up to whole periods. [s]
+    """
+
+    first: str
+    second: str
+    delay: float
+    error: float
+    sign: int
+    correlation: float
+    rival: float
+    clear: bool
+    phase_delay: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Graph:
+    """Arrows and delays as two matrices, for a picture.
+
+    Attributes
+    ----------
+    tags : tuple of str
+        Names of rows and columns, the likeliest source first.
+    strength : tuple of tuple of (float or None)
+        From the loop of the row to that of the column; None where there is no arrow. [-]
+    delay : tuple of tuple of (float or None)
+        The loop of the column follows that of the row by so much; None where it is not known. [s]
+    """
+
+    tags: tuple[str, ...]
+    strength: tuple[tuple[float | None, ...], ...]
+    delay: tuple[tuple[float | None, ...], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,20 +147,39 @@ class OscillationGroup:
     period : float
         Their period. [s]
     similarity : float
-        Least similarity of two of them. [-]
+        Least coherence of two loops with an oscillation of their own; of their spectra where the
+        record is short. [-]
     source : str or None
-        Tag of the loop where it likely begins; None where the data do not say.
+        Tag of the loop where it likely begins or enters; None where the data do not say.
+    elsewhere : float
+        Probability that it reaches several of them at once from outside. [-]
     reason : str
         What that rests on.
     suspects : tuple of Suspect
         All of them, the likeliest source first.
+    arrows : tuple of Arrow
+        Every ordered pair that was tested.
+    order : int or None
+        Lags of the regressions behind them.
+    delays : tuple of Delay
+        Every pair that was measured.
+    graph : Graph
+        Both as matrices.
+    doubts : tuple of str
+        What could not be judged, and why.
     """
 
     period: float
     similarity: float
     source: str | None
+    elsewhere: float
     reason: str
     suspects: tuple[Suspect, ...]
+    arrows: tuple[Arrow, ...]
+    order: int | None
+    delays: tuple[Delay, ...]
+    graph: Graph
+    doubts: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,24 +218,33 @@ class PlantOscillations:
     left_out: tuple[tuple[str, str], ...]
 
 
-def plant_oscillations(records: Sequence[Record], *, seed: int = 0) -> PlantOscillations:
+def plant_oscillations(
+    records: Sequence[Record], *, levels: Collection[str] = (), seed: int = 0
+) -> PlantOscillations:
     """Group loops that oscillate together and rank where it comes from.
 
     Parameters
     ----------
     records : sequence of Record
         Routine data of several loops over the same period, each with its tag and start.
+    levels : collection of str
+        Tags of the loops whose process integrates; valves are judged by other shapes there.
     seed : int
-        Seed of the surrogates behind the non-linearity index.
+        Seed of surrogates and shifts.
 
     Raises
     ------
     ValueError
-        Two records share a tag, or one has no start.
+        Two records share a tag, one has no start, or a level is none of them.
     """
     tags = [record.tag for record in records]
     if len({*tags}) != len(tags):
         raise ValueError("every loop may be given once")
+    unknown = {*levels} - {*tags}
+    if unknown:
+        raise ValueError(f"{', '.join(sorted(unknown))} is none of the loops")
+    # By name, so that the order in which loops are given changes no digit of the answer.
+    records = sorted(records, key=lambda record: record.tag)
     unfit = {record.tag: _unfit(record) for record in records}
     usable = [record for record in records if not unfit[record.tag]]
     left_out = [(tag, reason) for tag, reason in unfit.items() if reason]
@@ -127,7 +252,8 @@ def plant_oscillations(records: Sequence[Record], *, seed: int = 0) -> PlantOsci
     if together is None:
         left_out += [(record.tag, "no time in common with the others") for record in usable]
         return PlantOscillations(groups=(), cascades=(), left_out=tuple(left_out))
-    dt, error, op, sp = together
+    dt, grids = together
+    error = np.array([grid.sp - grid.pv for grid in grids])
     whole = _whole(error)
     left_out += [
         (record.tag, "no set point, or gaps that are too long")
@@ -135,11 +261,14 @@ def plant_oscillations(records: Sequence[Record], *, seed: int = 0) -> PlantOsci
         if not good
     ]
     kept = [record.tag for record, good in zip(usable, whole, strict=True) if good]
-    groups = _groups(_bridged(error[whole]), dt, kept, seed)
-    every = [record.tag for record in usable]
+    cascades = cascade_pairs(
+        np.array([grid.op for grid in grids]), np.array([grid.sp for grid in grids])
+    )
     return PlantOscillations(
-        groups=groups,
-        cascades=tuple(_cascade(pair, every) for pair in cascade_pairs(op, sp)),
+        groups=_groups(
+            [grid for grid, good in zip(grids, whole, strict=True) if good], dt, kept, levels, seed
+        ),
+        cascades=tuple(_cascade(pair, [record.tag for record in usable]) for pair in cascades),
         left_out=tuple(left_out),
     )
 
@@ -153,8 +282,18 @@ def _unfit(record: Record) -> str:
     return ""
 
 
-def _together(records: Sequence[Record]) -> tuple[float, Real, Real, Real] | None:
-    """Put the loops on one grid over the time that all of them cover: dt, error, OP, SP."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Row:
+    """One loop on the common grid, NaN where unknown."""
+
+    pv: Real
+    op: Real
+    sp: Real
+    mode: Codes | None
+
+
+def _together(records: Sequence[Record]) -> tuple[float, list[_Row]] | None:
+    """Put the loops on one grid over the time that all of them cover."""
     if len(records) < 2:
         return None
     if any(record.start is None for record in records):
@@ -172,10 +311,15 @@ def _together(records: Sequence[Record]) -> tuple[float, Real, Real, Real] | Non
         # The nearest sample of the even grid: half a sample of shift at most.
         place = np.clip(np.round((grid + start - b - even.t[0]) / dt), 0, len(even) - 1)
         at = place.astype(np.int64)
-        sp = np.full(grid.size, np.nan) if even.sp is None else even.sp[at]
-        rows.append((sp - even.pv[at], even.op[at], sp))
-    error, op, sp_ = (np.array(part) for part in zip(*rows, strict=True))
-    return dt, error, op, sp_
+        rows.append(
+            _Row(
+                pv=even.pv[at],
+                op=even.op[at],
+                sp=np.full(grid.size, np.nan) if even.sp is None else even.sp[at],
+                mode=None if even.mode is None else even.mode[at],
+            )
+        )
+    return dt, rows
 
 
 def _whole(error: Real) -> Flags:
@@ -183,65 +327,84 @@ def _whole(error: Real) -> Flags:
     return np.asarray(np.mean(np.isfinite(error), axis=1) >= 0.9)
 
 
-def _bridged(error: Real) -> Real:
-    places = np.arange(error.shape[1])
-    return np.array(
-        [np.interp(places, places[np.isfinite(row)], row[np.isfinite(row)]) for row in error]
-    ).reshape(error.shape)
-
-
-def _groups(error: Real, dt: float, tags: Sequence[str], seed: int) -> tuple[OscillationGroup, ...]:
-    mains = [oscillation(row, dt, segments=False).main for row in error]
-    periods = np.array([np.nan if main is None else main.period / dt for main in mains])
-    if not error.size:
+def _groups(
+    rows: Sequence[_Row], dt: float, tags: Sequence[str], levels: Collection[str], seed: int
+) -> tuple[OscillationGroup, ...]:
+    if len(rows) < 2:
         return ()
+    grid = Grid(
+        dt=dt,
+        error=np.array([bridged(row.sp - row.pv) for row in rows]),
+        pv=np.array([bridged(row.pv) for row in rows]),
+        op=np.array([row.op for row in rows]),
+        mode=tuple(row.mode for row in rows),
+        levels=tuple(tag in levels for tag in tags),
+    )
     return tuple(
-        _group(shared, error, dt, tags, seed) for shared in shared_oscillations(error, periods)
+        _group(swing, [tags[member] for member in swing.members], dt)
+        for swing in swings_of(grid, seed=seed)
     )
 
 
-def _group(
-    shared: SharedOscillation, error: Real, dt: float, tags: Sequence[str], seed: int
-) -> OscillationGroup:
-    found = [
-        (tags[member], nonlinearity(error[member], shared.period, seed=seed))
-        for member in shared.members
-    ]
-    found.sort(key=lambda one: -np.inf if one[1].index is None else one[1].index, reverse=True)
-    source, reason = _source(found)
+def _group(swing: Swing, tags: Sequence[str], dt: float) -> OscillationGroup:
+    named = swing.origin.named
+    order = np.argsort(-np.array(swing.origin.probabilities), kind="stable").tolist()
+    compared = [tags[k] for k in swing.compared]
+    arrows = tuple(
+        Arrow(
+            cause=compared[one.cause], effect=compared[one.effect], strength=one.strength,
+            p_value=one.p_value, beyond=one.beyond, significant=one.significant,
+        )
+        for one in swing.arrows.arrows
+    )  # fmt: skip
+    delays = tuple(
+        Delay(
+            first=compared[one.first], second=compared[one.second], delay=one.delay * dt,
+            error=one.error * dt, sign=one.sign, correlation=one.correlation,
+            rival=one.rival * dt, clear=one.clear,
+            phase_delay=None if one.phase_delay is None else one.phase_delay * dt,
+        )
+        for one in swing.delays
+    )  # fmt: skip
     return OscillationGroup(
-        period=shared.period * dt,
-        similarity=shared.similarity,
-        source=source,
-        reason=reason,
-        suspects=tuple(_suspect(tag, index) for tag, index in found),
+        period=swing.period * dt,
+        similarity=swing.similarity,
+        source=None if named is None else tags[named],
+        elsewhere=swing.origin.elsewhere,
+        reason=group_reason(swing, tags),
+        suspects=tuple(_suspect(swing, place, tags, dt) for place in order),
+        arrows=arrows,
+        order=swing.arrows.order,
+        delays=delays,
+        graph=_graph([tags[place] for place in order], arrows, delays),
+        doubts=doubts_of(swing),
     )
 
 
-def _source(found: Sequence[tuple[str, Nonlinearity]]) -> tuple[str | None, str]:
-    tag, first = found[0]
-    if first.index is None or not first.significant:
-        return None, (
-            "No loop of the group is non-linear: a disturbance from outside, or a tuning that "
-            "makes one of them swing."
-        )
-    second = found[1][1].index or 0.0
-    if first.index - second < CLEAR_LEAD * first.index:
-        return None, (
-            f"{tag} and {found[1][0]} are non-linear alike ({first.index:.2f} and {second:.2f}); "
-            "the order says nothing."
-        )
-    return tag, (
-        f"{tag} is the most non-linear ({first.index:.2f}, next {second:.2f}); the process between "
-        "loops filters the harmonics of what begins there. Check its valve first."
+def _suspect(swing: Swing, place: int, tags: Sequence[str], dt: float) -> Suspect:
+    evidence = evidence_of(swing, place, tags, dt)
+    return Suspect(
+        tag=tags[place],
+        probability=swing.origin.probabilities[place],
+        nonlinearity=swing.loops[place].nonlinearity,
+        stiction=swing.loops[place].stiction,
+        coherence=swing.coherence[place],
+        share=swing.loops[place].share,
+        oscillates=swing.own[place],
+        evidence=evidence,
+        reason="; ".join(evidence),
     )
 
 
-def _suspect(tag: str, found: Nonlinearity) -> Suspect:
-    if found.index is None:
-        return Suspect(tag=tag, nonlinearity=None, reason=found.reason)
-    word = "non-linear" if found.significant else "not distinguishable from a linear loop"
-    return Suspect(tag=tag, nonlinearity=found.index, reason=word)
+def _graph(tags: Sequence[str], arrows: Sequence[Arrow], delays: Sequence[Delay]) -> Graph:
+    strength = {(one.cause, one.effect): one.strength for one in arrows if one.significant}
+    delay = {(one.first, one.second): one.delay for one in delays if one.clear}
+    delay |= {(second, first): -value for (first, second), value in delay.items()}
+    return Graph(
+        tags=tuple(tags),
+        strength=tuple(tuple(strength.get((row, column)) for column in tags) for row in tags),
+        delay=tuple(tuple(delay.get((row, column)) for column in tags) for row in tags),
+    )
 
 
 def _cascade(pair: CascadePair, tags: Sequence[str]) -> Cascade:

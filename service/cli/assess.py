@@ -14,8 +14,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from advice.display import digits
 from advice.fleet import Crew, FleetLoop, LoopResult, assess_fleet, cluster_crew, local_crew
 from advice.rollup import Scored, plant_scorecard
-from historian.export import Export
-from historian.parquet_loops import loops_in, parquet_files
 from loop.digital_pid import OutputLimits
 from loop.process import LARGEST, SMALLEST
 from loop.record import Record
@@ -28,6 +26,7 @@ from service.assessments.work import assess_period
 from service.cli import reading
 from service.cli.installation import DataFolder, acting, opened, settings_for, writing
 from service.cli.listing import print_columns
+from service.cli.many_loops import files_of, records_in
 from service.cli.stating import (
     CONTROLLER_HELP,
     PROCESS_HELP,
@@ -136,13 +135,13 @@ def assess(
     )  # fmt: skip
     pv_range = _range(pv_low, pv_high)
     limits = _limits(limit_low, limit_high)
-    files = parquet_files(source) if source.is_dir() else [source]
+    files = files_of(source)
     loops = (
         FleetLoop(
             name=record.tag, record=record, kind=kind, pv_range=pv_range,
             op_range=(op_low, op_high), known=known, tau_c=tau_c, pv_limits=limits,
         )
-        for record in _single(_records(files, stated), known)
+        for record in _single(records_in(files, stated), known)
     )  # fmt: skip
     few = len(files) < WORTH_PROCESSES and scheduler is None
     found: list[LoopResult] = []
@@ -194,23 +193,6 @@ def _range(low: float | None, high: float | None) -> tuple[float, float] | None:
     if (low is None) != (high is None):
         raise typer.BadParameter("state both --pv-low and --pv-high, or neither")
     return None if low is None or high is None else (low, high)
-
-
-def _records(files: list[Path], stated: reading.Stated) -> Iterator[Record]:
-    """Read the loops of files, one file in memory at a time."""
-    for file in files:
-        if file.suffix != ".parquet":
-            export = reading.read_file(file, stated)
-            yield from (export.record(name) for name in _tags(export, stated.tag))
-            continue
-        codes = stated.options().mode_codes
-        for name, samples in loops_in(file, mode_codes=codes):
-            if len(samples) and stated.tag in (None, name):
-                yield samples.record(tag=name)
-
-
-def _tags(export: Export, wanted: str | None) -> list[str]:
-    return [wanted] if wanted is not None else [*export.loops]
 
 
 def _installation(settings: Settings, day: datetime, crew: Crew, *, as_json: bool) -> int:

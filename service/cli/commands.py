@@ -64,6 +64,11 @@ COMMANDS = (
         "Put your diagnosis in place of the computed one; both stay to be read.",
     ),
     Entry(
+        "plantwide",
+        "service.cli.plantwide:plantwide",
+        "Find loops that oscillate together, where that likely begins, and cascades.",
+    ),
+    Entry(
         "analyse",
         "service.cli.analyse:analyse",
         "Analyse a process with a controller: margins, poles, limits of performance.",

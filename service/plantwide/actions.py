@@ -6,12 +6,14 @@ from advice.plantwide import PlantOscillations, plant_oscillations
 from historian.sample_store import SampleStore
 from loop.errors import NoSamples
 from loop.record import Record
+from monitoring.loop_signals import LoopKind
 from service.errors import InvalidRequest
 from service.loops.store import loop_with_id
 from service.plantwide.schemas import LookAtPlant
 
 # Some hundred megabytes and a few seconds: a day of 100 loops every five seconds fits.
 MOST_SAMPLES = 2_000_000
+LEVELS = (LoopKind.LEVEL, LoopKind.AVERAGING_LEVEL)
 
 
 def look_at_plant(
@@ -27,6 +29,7 @@ def look_at_plant(
         The loops have more samples in the period than one answer may look at.
     """
     records: list[Record] = []
+    levels: list[str] = []
     room = MOST_SAMPLES
     for loop_id in dict.fromkeys(wanted.loop_ids):
         loop = loop_with_id(reading, loop_id)
@@ -40,5 +43,7 @@ def look_at_plant(
                 f"The loops have more than {MOST_SAMPLES:,} samples in the period; ask for a "
                 "shorter one, or for fewer loops.",
             )
+        if loop.kind in LEVELS:
+            levels.append(loop.tag)
         records.append(found.record(tag=loop.tag, pv_unit=loop.pv_unit, op_unit=loop.op_unit))
-    return plant_oscillations(records)
+    return plant_oscillations(records, levels=levels)

@@ -51,6 +51,22 @@ def test_loops_with_one_cause_are_grouped_and_others_are_not() -> None:
     assert 0.9 < group.similarity <= 1.0
 
 
+def test_loops_that_keep_step_are_one_group_although_their_periods_are_read_differently() -> None:
+    rng = np.random.default_rng(9)
+    cause = square(rng, 40.0)
+    errors = np.array([cause, lagged(cause, 6.0, 3), -lagged(cause, 15.0, 8), swing(rng, 40.0)])
+    (group,) = shared_oscillations(errors, np.array([34.0, 40.0, 46.0, 40.0]))
+    assert group.members == (0, 1, 2)
+    assert group.period == 40.0
+
+
+def test_swings_that_share_a_period_by_chance_are_seldom_one_group() -> None:
+    """Of 60 pairs of resonances of one period: their spectra alone would group a dozen and more."""
+    rng = np.random.default_rng(10)
+    pairs = [np.array([swing(rng, 40.0), swing(rng, 40.0)]) for _ in range(60)]
+    assert sum(len(shared_oscillations(pair, np.full(2, 40.0))) for pair in pairs) <= 1
+
+
 def test_gain_sign_offset_and_drift_of_a_loop_change_no_group() -> None:
     rng = np.random.default_rng(2)
     cause = swing(rng, 30.0)

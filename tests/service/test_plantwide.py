@@ -8,8 +8,8 @@ import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy import URL
 
-from advice.assessment_body import fields_body
 from advice.plantwide import plant_oscillations
+from advice.plantwide_body import plantwide_body
 from historian.samples import Samples
 from service.samples import open_samples
 from service.settings import Settings
@@ -61,7 +61,7 @@ def test_loops_that_swing_together_are_found_as_in_a_notebook(
 
     store = open_samples(settings)
     records = [store.read(id_).record(tag=f"TIC-{n}") for n, id_ in enumerate(swinging)]
-    assert body == fields_body(plant_oscillations(records))
+    assert body == plantwide_body(plant_oscillations(records))
 
 
 @pytest.mark.parametrize(
