@@ -5,7 +5,7 @@ null stands for a number that does not exist; NaN and infinity never appear.
 
 from advice.assessment_body import fields_body
 from advice.body import Body
-from advice.plantwide import PlantOscillations
+from advice.plantwide_result import PlantOscillations
 
 
 def plantwide_body(found: PlantOscillations) -> Body:

@@ -12,7 +12,7 @@ from monitoring.nonlinearity import Nonlinearity, nonlinearity
 from monitoring.origin import LoopEvidence, Origin, origin
 from monitoring.oscillation import Oscillation, oscillation
 from monitoring.propagation import Propagation, propagation
-from monitoring.shared_oscillations import felt, shared_oscillations
+from monitoring.shared_oscillations import SAME_PERIOD, felt, shared_oscillations
 from monitoring.stiction import stiction
 
 # Samples a cycle that the regressions see, and cycles: more cost time and tell the same.
@@ -109,15 +109,15 @@ def swings_of(grid: Grid, *, seed: int = 0) -> tuple[Swing, ...]:
     found = shared_oscillations(grid.error, periods)
     taken = {place for one in found for place in one.members}
     cores = [(one.members, one.period, one.similarity) for one in found]
-    # A loop that alone shows an oscillation may still make others feel it.
-    cores += [
-        ((int(place),), float(periods[place]), 1.0)
-        for place in np.flatnonzero(np.isfinite(periods))
-        if int(place) not in taken
-    ]
-    taken |= {place for members, _, _ in cores for place in members}
+    # A loop that alone shows an oscillation may still make others feel it, the clearest first; or
+    # it feels one of a group, and what it shows of its own is something else.
+    alone = [place for place in np.flatnonzero(np.isfinite(periods)).tolist() if place not in taken]
+    alone.sort(key=lambda place: -_share(own[place]))
+    cores += [((place,), float(periods[place]), 1.0) for place in alone]
     swings = []
     for members, period, similarity in cores:
+        if len(members) == 1 and members[0] in taken:
+            continue
         swing = _swing(grid, own, members, period, similarity, taken, seed)
         if swing is not None:
             swings.append(swing)
@@ -160,7 +160,7 @@ def _swing(
         LoopEvidence(
             share=_share_at(row, period),
             nonlinearity=index.index,
-            stiction=_sticking(grid, place, own[place]),
+            stiction=_sticking(grid, place, own[place], period),
         )
         for row, index, place in zip(signals, nonlinear, members, strict=True)
     )
@@ -225,7 +225,7 @@ def _share_at(signal: Real, period: float) -> float:
     return float(np.sum(power[inside])) / total if total > 0 else 0.0
 
 
-def _sticking(grid: Grid, place: int, found: Oscillation) -> float | None:
+def _sticking(grid: Grid, place: int, found: Oscillation, period: float) -> float | None:
     """Probability that the valve of a loop sticks, None where that cannot be judged."""
     op = grid.op[place]
     if np.count_nonzero(np.isfinite(op)) < 2 or not np.ptp(op[np.isfinite(op)]) > 0:
@@ -242,10 +242,20 @@ def _sticking(grid: Grid, place: int, found: Oscillation) -> float | None:
     if stretch is None:
         return None
     same = found if stretch.error.size == op.size else oscillation(stretch.error, grid.dt)
-    if not same.oscillates:
-        # The integral of a controller smooths OP: it shows what noise hides in the error.
-        same = oscillation(stretch.op, grid.dt)
+    # The integral of a controller smooths OP: it may show what noise hides in the error. What shows
+    # the group's oscillation for longer, and above more of the rest, is looked at.
+    smooth = oscillation(stretch.op, grid.dt)
+    if _shown(smooth, period * grid.dt) > _shown(same, period * grid.dt):
+        same = smooth
     return stiction(stretch, same, op_span=3 * span, integrating=grid.levels[place]).probability
+
+
+def _shown(found: Oscillation, period: float) -> float:
+    """How long and how clearly the group's oscillation is the strongest one; period in seconds."""
+    main = found.main
+    if main is None or abs(main.period - period) > SAME_PERIOD * period:
+        return 0.0
+    return main.share * (main.end - main.start)
 
 
 def _among_different(signals: Real, period: float, seed: int) -> Granger:

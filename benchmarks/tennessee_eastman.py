@@ -10,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from advice.assess import assess
-from advice.plantwide import OscillationGroup, plant_oscillations
+from advice.plantwide import plant_oscillations
+from advice.plantwide_result import OscillationGroup
 from benchmarks.eastman_plant import STICKING, EastmanRun, available, eastman_run
 from benchmarks.section import Section, Target
 from monitoring.stiction_result import StictionVerdict
 
-HOURS = 8.0
+HOURS = 12.0
 LEVELS = ("Reactor level", "Separator level", "Stripper level")
 # Number of the fault and seed of the measurement noise.
 RUNS = (
@@ -82,9 +83,14 @@ def run() -> Section:
         rows=tuple(_row(one, seed) for one, (_, seed) in zip(found, RUNS, strict=True)),
         targets=(
             Target(
-                what="runs of IDV 14 that name the reactor cooling valve and no other",
-                limit=len(reactor), reached=sum(_right(one) for one in reactor), unit="",
-                at_least=True,
+                what="runs of IDV 14 whose groups name the reactor cooling valve alone",
+                limit=len(reactor), reached=sum(_named(one) == one.truth for one in reactor),
+                unit="", at_least=True,
+            ),
+            Target(
+                what="other valves that the assessment of single loops calls sticking, all runs",
+                limit=0, reached=sum(len({*one.sticking} - {*one.truth}) for one in found),
+                unit="",
             ),
             Target(
                 what="false alarms in normal operation, valves and groups",
@@ -139,10 +145,9 @@ def sticking_valves(run: EastmanRun) -> tuple[str, ...]:
     return tuple(tags)
 
 
-def _right(one: Found) -> bool:
-    """The true loop is named, in every way, and no other."""
-    named = [group.source for group in one.groups if group.source is not None]
-    return one.sticking == one.truth and tuple(named) == one.truth
+def _named(one: Found) -> tuple[str, ...]:
+    """Loops that groups were traced to."""
+    return tuple(group.source for group in one.groups if group.source is not None)
 
 
 def _row(one: Found, seed: int) -> tuple[str, ...]:

@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from advice.display import digits
-from advice.plantwide import OscillationGroup, PlantOscillations, plant_oscillations
+from advice.plantwide import plant_oscillations
 from advice.plantwide_body import plantwide_body
+from advice.plantwide_result import OscillationGroup, PlantOscillations
 from service.cli import reading
 from service.cli.listing import print_columns
 from service.cli.many_loops import files_of, records_in

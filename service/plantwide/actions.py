@@ -2,7 +2,8 @@
 
 from sqlalchemy.orm import Session
 
-from advice.plantwide import PlantOscillations, plant_oscillations
+from advice.plantwide import plant_oscillations
+from advice.plantwide_result import PlantOscillations
 from historian.sample_store import SampleStore
 from loop.errors import NoSamples
 from loop.record import Record
