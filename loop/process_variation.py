@@ -2,15 +2,7 @@
 
 import numpy as np
 
-from loop.process import (
-    FOPDT,
-    IPDT,
-    SOPDT,
-    DoubleIntegrator,
-    Process,
-    PureDelay,
-    TransferFunction,
-)
+from loop.process import FOPDT, SOPDT, Process, TransferFunction
 
 
 def varied(process: Process, *, K: float = 1.0, lag: float = 1.0, theta: float = 1.0) -> Process:
@@ -48,5 +40,5 @@ def varied(process: Process, *, K: float = 1.0, lag: float = 1.0, theta: float =
             n = n * lag ** np.arange(n.size - 1.0, -1.0, -1.0) * K * lag**integrators
             d = d * lag ** np.arange(d.size - 1.0, -1.0, -1.0)
             return TransferFunction(tuple(n.tolist()), tuple(d.tolist()), process.theta * theta)
-        case IPDT() | DoubleIntegrator() | PureDelay():
+        case _:
             return type(process)(K=process.K * K, theta=process.theta * theta)

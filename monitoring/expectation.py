@@ -21,8 +21,10 @@ class Expectation:
     ----------
     t : ndarray, shape (m,)
         Instants from the move on. [s]
+    settled : int
+        Samples after which every response has settled.
     length : int
-        Samples after which every response has settled, and half as many again.
+        Half as many again, so that what goes on swinging is seen.
 
     Raises
     ------
@@ -39,9 +41,8 @@ class Expectation:
         t = np.arange(int(horizon / dt) + 1) * dt
         self.t = t
         runs = [self._run(process, 1.0, horizon, t, None) for process in self.processes]
-        slowest = max(_last_outside(pv, pv[-1]) for pv, _ in runs)
-        # One and a half times the settling, so that what goes on swinging is seen.
-        self.length = int(np.clip(1.5 * slowest + 2, FEWEST_SAMPLES, t.size))
+        self.settled = max(_last_outside(pv, pv[-1]) for pv, _ in runs)
+        self.length = int(np.clip(1.5 * self.settled + 2, FEWEST_SAMPLES, t.size))
         self.runs = [(pv[: self.length], op[: self.length]) for pv, op in runs]
 
     def of(self, size: float, op0: float, length: int) -> list[tuple[Real, Real]]:

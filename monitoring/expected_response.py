@@ -22,11 +22,15 @@ MOST_MOVES = 8
 # A move must be so many times the error's usual spread, and start that close to its set point.
 CLEAR_MOVE = 5.0
 AT_REST = 0.3
+# Samples away from moves that tell what noise and loads do.
+FEWEST_CALM = 30
 # A response counts as another one beyond what the uncertain model allows times this.
 TOLERANCE = 1.25
 OVERSHOOT_TOLERANCE = 10.0
 FAR_OFF = 2.0
 SETTLED = 0.05
+# A load in the course of one move changes it like another process would.
+FEWEST_MOVES = 2
 # Loads move OP as well: so many moves must agree on a gain.
 FEWEST_GAINS = 3
 
@@ -93,7 +97,7 @@ class ExpectedResponse:
     moves : tuple of ComparedMove
         The clear moves from rest, in order of time.
     as_expected : bool or None
-        Whether most of them went as expected; None without any.
+        Whether most of them went as expected; None without any, or where a single one did not.
     departures : tuple of Departure
         What most of the moves show.
     IAE_ratio, gain_ratio, distance : float or None
@@ -140,7 +144,9 @@ def expected_response(stretch: Stretch, moves: SetPointMoves, known: KnownLoop) 
         band = Expectation(stretch.dt, known, pid)
     except LoopDiverged:
         return _nothing("model and settings make an unstable loop", stretch, settings)
-    usual = _usual_spread(stretch, stretch.sp, band.length)
+    usual = _usual_spread(stretch, stretch.sp, band.settled, offset=not np.isfinite(pid.Ti))
+    if usual is None:
+        return _nothing("the set point moves on before responses have settled", stretch, settings)
     largest = sorted(moves.responses, key=lambda move: -abs(move.size))[:MOST_MOVES]
     found = tuple(
         compared
@@ -179,11 +185,16 @@ def _overall(
     if differs and not kinds:
         kinds.append(Departure.OTHERWISE)
     ratios = [move.IAE_ratio for move in found if move.IAE_ratio is not None]
-    doubts = ("only one set-point move could be compared",) if len(found) == 1 else ()
+    doubts: tuple[str, ...] = ()
+    alone = len(found) < FEWEST_MOVES
+    if alone:
+        doubts = ("only one set-point move could be compared",)
+        if kinds:
+            doubts = ("a single move differs, which a load in its course does as well",)
     return ExpectedResponse(
         moves=found,
-        as_expected=not kinds,
-        departures=tuple(kinds),
+        as_expected=None if alone and kinds else not kinds,
+        departures=() if alone else tuple(kinds),
         IAE_ratio=float(np.median(ratios)) if ratios else None,
         gain_ratio=float(np.median(gains)) if gains.size >= FEWEST_GAINS else None,
         distance=float(np.median([move.distance for move in found])),
@@ -200,17 +211,23 @@ def _gain_is_off(ratios: Real, uncertainty: float) -> bool:
     return bool(abs(float(np.mean(logs))) - half > np.log1p(uncertainty))
 
 
-def _usual_spread(stretch: Stretch, sp: Real, length: int) -> float:
-    """Usual size of the error away from set-point moves. [PV]"""
+def _usual_spread(stretch: Stretch, sp: Real, settled: int, *, offset: bool) -> float | None:
+    """Root mean square of the error where moves have settled; None where they never have. [PV]
+
+    Without integral action every set point has its own offset, which is no disturbance.
+    """
     moved = np.flatnonzero(np.diff(sp)) + 1
+    error = stretch.error
+    if offset:
+        parts = np.cumsum(np.isin(np.arange(sp.size), moved))
+        error = error - (np.bincount(parts, error) / np.bincount(parts))[parts]
     near = np.zeros(stretch.pv.size + 1)
     np.add.at(near, moved, 1)
-    np.add.at(near, np.minimum(moved + length, stretch.pv.size), -1)
-    calm = stretch.error[np.cumsum(near[:-1]) == 0]
-    noise = noise_level(stretch.pv)
-    # The median bears a load or two among the calm samples.
-    spread = 1.4826 * float(np.median(np.abs(calm))) if calm.size >= 30 else 0.0
-    return max(spread, noise)
+    np.add.at(near, np.minimum(moved + settled, stretch.pv.size), -1)
+    calm = error[np.cumsum(near[:-1]) == 0]
+    if calm.size < max(FEWEST_CALM, settled // 2):
+        return None
+    return max(_rms(calm), noise_level(stretch.pv))
 
 
 def _compared(

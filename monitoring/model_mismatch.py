@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from loop.errors import PoorExcitation
 from loop.signals import Real
 from monitoring.basis import Basis, Setting, graded, refusal
-from monitoring.known_loop import KnownLoop
+from monitoring.known_loop import KnownLoop, lags
 from monitoring.loop_signals import Stretch
 from monitoring.set_point_instruments import (
     Estimate,
@@ -137,47 +137,62 @@ def model_mismatch(stretch: Stretch, known: KnownLoop, *, level: float = LEVEL) 
         )  # fmt: skip
     p = float(chi2.sf(start.statistic, len(rows.names)))
     checked = start.alone < SEEN
-    material = _material(together, singles)
-    needed = _needed(rows, known)
-    doubts: tuple[str, ...] = ()
-    suspect = None
-    if p < level and material:
-        verdict = ModelVerdict.DOES_NOT
-        suspect = _suspect(rows, singles)
-    elif p < level and not _small(together):
-        verdict = ModelVerdict.UNDECIDED
-        doubts = ("it differs, but in what and how much is not clear",)
-    elif np.all(checked[needed]):
-        verdict = ModelVerdict.AGREES
-        if p < level:
-            doubts = (f"it differs, by less than {MATERIAL:.0%}",)
-    else:
-        verdict = ModelVerdict.UNDECIDED
-        doubts = ("the set-point moves are too few or too small beside the disturbances",)
+    verdict, said = _verdict(
+        significant=p < level,
+        together=together,
+        singles=singles,
+        enough=_enough(rows),
+        seen=bool(np.all(checked[_needed(rows, known)])),
+    )
+    coarse = ("the controller scans between the samples",) if rows.late > 0 else ()
     return ModelMismatch(
         verdict=verdict,
         p_value=p,
         correlation=_correlation(start),
         ratios=_ratios(rows, together, singles, checked.tolist()),
-        suspect=suspect,
+        suspect=_suspect(rows, singles) if verdict is ModelVerdict.DOES_NOT else None,
         rows=rows.count,
-        basis=graded(stretch.share, doubts, settings=settings),
+        basis=graded(stretch.share, (*coarse, *said), settings=settings),
     )
 
 
-def _material(together: Estimate, singles: list[Estimate]) -> bool:
+def _verdict(
+    *, significant: bool, together: Estimate, singles: list[Estimate], enough: Real, seen: bool
+) -> tuple[ModelVerdict, tuple[str, ...]]:
+    """Choose the verdict, and say what is in doubt about it."""
+    if significant and _material(together, singles, enough):
+        return ModelVerdict.DOES_NOT, ()
+    if significant and not _small(together, enough):
+        return ModelVerdict.UNDECIDED, ("it differs, but in what and how much is not clear",)
+    if not seen:
+        few = "the set-point moves are too few or too small beside the disturbances"
+        return ModelVerdict.UNDECIDED, (few,)
+    less = f"it differs, by less than {MATERIAL:.0%} and what the sampling hides"
+    return ModelVerdict.AGREES, (less,) if significant else ()
+
+
+def _enough(rows: Rows) -> Real:
+    """Logarithm beyond which a parameter is off.
+
+    A controller that may scan between the samples moves OP at instants that are not recorded:
+    times are known to a sample less a scan at best.
+    """
+    hidden = {"gain": np.inf, "lag": lags(rows.process), "dead time": rows.process.theta}
+    return np.log1p([MATERIAL + rows.hidden / hidden[name] for name in rows.names])
+
+
+def _material(together: Estimate, singles: list[Estimate], enough: Real) -> bool:
     """A parameter is surely off by enough, or whichever is off is so by enough."""
-    enough = float(np.log1p(MATERIAL))
     size = np.abs(together.logs)
     surely = together.converged and bool(np.any((size > enough) & (size > 2 * together.errors)))
     # One that does not converge explains nothing.
-    alone = [abs(float(one.logs[k])) for k, one in enumerate(singles) if one.converged]
-    return surely or all(one > enough for one in alone)
+    alone = [abs(one.logs[k]) > enough[k] for k, one in enumerate(singles) if one.converged]
+    return surely or all(alone)
 
 
-def _small(together: Estimate) -> bool:
+def _small(together: Estimate, enough: Real) -> bool:
     """No parameter differs by enough."""
-    return together.converged and bool(np.all(np.abs(together.logs) <= np.log1p(MATERIAL)))
+    return together.converged and bool(np.all(np.abs(together.logs) <= enough))
 
 
 def _needed(rows: Rows, known: KnownLoop) -> list[int]:
@@ -189,8 +204,6 @@ def _needed(rows: Rows, known: KnownLoop) -> list[int]:
 
 def _suspect(rows: Rows, singles: list[Estimate]) -> str | None:
     """The one parameter that alone explains what all together do; None where it cannot be told."""
-    if len(rows.names) == 1:
-        return rows.names[0]
     left = [
         statistic(one.whitened.residual, one.whitened.instruments, one.whitened.variance)
         for one in singles

@@ -5,7 +5,8 @@ other. The set point knows nothing of disturbances: what it drives in a simulate
 instrument, correlated with the output and not with the residual.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
@@ -53,6 +54,11 @@ class Rows:
         Samples a row: their mean stands for them.
     settled : int
         Rows at the start whose past is not known.
+    hidden : float
+        Time between two samples in which OP may move unseen. [s]
+    late : float
+        Time by which recorded outputs come late on average, where the controller is known to scan
+        between the samples. [s]
     process : Process
         Process model.
     names : tuple of str
@@ -65,6 +71,8 @@ class Rows:
     dt: float
     thinned: int
     settled: int
+    hidden: float
+    late: float
     process: Process
     names: tuple[str, ...]
 
@@ -89,6 +97,10 @@ class Rows:
             FACTORS[name]: float(np.exp(log)) for name, log in zip(self.names, logs, strict=True)
         }
         return varied(self.process, **factors)
+
+    def recorded(self, process: Process) -> Process:
+        """The process as recorded outputs see it: they come late, PV does not."""
+        return replace(process, theta=max(process.theta - self.late, 0.0))
 
     def rows(self, signal: Real) -> Real:
         """Means over the samples of a row, the start left out."""
@@ -193,8 +205,6 @@ def rows_of(stretch: Stretch, known: KnownLoop) -> Rows:
             f"{pv.size} samples give {max(pv.size // thinned - settled, 0)} rows, fewer than "
             f"{FEWEST_ROWS}"
         )
-    if not np.ptp(sp) > 0:
-        raise PoorExcitation("the set point does not move for long enough")
     held = ("lag",) if lags(known.process) > 0 else ()
     late = ("dead time",) if known.process.theta > 0 else ()
     return Rows(
@@ -204,6 +214,8 @@ def rows_of(stretch: Stretch, known: KnownLoop) -> Rows:
         dt=stretch.dt,
         thinned=thinned,
         settled=settled,
+        hidden=max(stretch.dt - (known.scan_time or 0.0), 0.0),
+        late=0.5 * max(stretch.dt - (known.scan_time or stretch.dt), 0.0),
         process=known.process,
         names=("gain", *held, *late),
     )
@@ -212,11 +224,13 @@ def rows_of(stretch: Stretch, known: KnownLoop) -> Rows:
 def whitened(rows: Rows, logs: Real) -> Whitened:
     """Residual and derivatives at some parameters, behind the filter that whitens the residual."""
     process = rows.at(logs)
-    residual = rows.rows(rows.pv - answer(process, rows.op, rows.dt))
-    regressors = [rows.rows(column) for column in _derivatives(rows, logs, rows.op, rows.dt)]
+    residual = rows.rows(rows.pv - answer(rows.recorded(process), rows.op, rows.dt))
+    regressors = [
+        rows.rows(column) for column in _derivatives(rows, logs, rows.op, rows.dt, rows.recorded)
+    ]
     instruments = [
         rows.kept(column)
-        for column in _derivatives(rows, logs, rows.driven, rows.dt * rows.thinned)
+        for column in _derivatives(rows, logs, rows.driven, rows.dt * rows.thinned, _as_it_is)
     ]
     if not np.ptp(residual) > 0:
         raise PoorExcitation("the residual does not move")
@@ -293,19 +307,26 @@ def answer(process: Process, op: Real, dt: float) -> Real:
     return np.asarray(lfilter(transfer.b, transfer.a, transfer.delayed(op)))
 
 
-def _derivatives(rows: Rows, logs: Real, op: Real, dt: float) -> list[Real]:
+def _as_it_is(process: Process) -> Process:
+    return process
+
+
+def _derivatives(
+    rows: Rows, logs: Real, op: Real, dt: float, seen: Callable[[Process], Process]
+) -> list[Real]:
     """Derivatives of the answer by the logarithm of every parameter."""
     found = []
     for k, name in enumerate(rows.names):
         if name == "gain":
-            found.append(answer(rows.at(logs), op, dt))  # linear in the gain
+            found.append(answer(seen(rows.at(logs)), op, dt))  # linear in the gain
             continue
         h = DIFFERENCE
         if name == "dead time" and rows.jumps:
             # Samples of a bare delay do not tell instants within a scan from each other.
             h = float(np.clip(dt / rows.process.theta, DIFFERENCE, 0.5))
         ways = [
-            answer(rows.at(logs + sign * h * np.eye(logs.size)[k]), op, dt) for sign in (1.0, -1.0)
+            answer(seen(rows.at(logs + sign * h * np.eye(logs.size)[k])), op, dt)
+            for sign in (1.0, -1.0)
         ]
         found.append((ways[0] - ways[1]) / (2 * h))
     return found

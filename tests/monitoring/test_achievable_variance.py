@@ -14,7 +14,7 @@ from loop.process import FOPDT, IPDT, SOPDT, Process, PureDelay, TransferFunctio
 from loop.signals import Real
 from loop.simulation import simulate
 from loop.simulation_batch import simulate_batch
-from monitoring.achievable_variance import achievable_variance
+from monitoring.achievable_variance import AchievableVariance, achievable_variance
 from monitoring.basis import Confidence
 from monitoring.known_loop import KnownLoop
 from monitoring.loop_signals import Stretch
@@ -105,6 +105,29 @@ def test_the_index_forgets_which_controller_ran() -> None:
     assert quick.index is not None
     assert slow.index < 0.4 < 0.85 < quick.index
     assert slow.stated_over_actual is None
+    # segments of an odd number of samples have no frequency of their own at half a turn a sample
+    whole = recorded(SELF_REGULATING, PID(Kc=0.2, Ti=30.0), sp, d)
+    part = replace(whole, pv=whole.pv[:4500], op=whole.op[:4500], sp=sp[:4500])
+    odd = achievable_variance(part, KnownLoop(process=SELF_REGULATING))
+    assert odd.index == pytest.approx(slow.index, rel=0.5)
+
+
+def test_the_interval_covers_what_a_long_record_says() -> None:
+    known = KnownLoop(process=SELF_REGULATING)
+
+    def index(n: int, seed: int) -> AchievableVariance:
+        white = np.random.default_rng(seed).normal(size=n)
+        d = lfilter([1.0], [1.0, -0.98], 0.2 * white)
+        run = simulate(SELF_REGULATING, CALM, t_end=n - 1.0, dt=1.0, output_load=d)
+        return achievable_variance(
+            Stretch(first=0, dt=1.0, pv=run.pv, op=run.op, sp=run.sp, share=1.0), known
+        )
+
+    truth = index(60_000, 999).index
+    found = [index(6000, seed) for seed in range(12)]
+    inside = [one.low < truth < one.high for one in found]  # type: ignore[operator]
+    assert sum(inside) >= 11  # 95 % of 12; the interval is a wide one
+    assert np.mean([one.index for one in found]) == pytest.approx(truth, rel=0.08)
 
 
 def test_a_wished_pace_leaves_only_calmer_loops() -> None:

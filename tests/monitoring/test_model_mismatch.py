@@ -7,13 +7,16 @@ import pytest
 
 from loop.controller import PID, Action
 from loop.disturbances import coloured_noise
+from loop.errors import PoorExcitation
 from loop.process import FOPDT, IPDT, Process, PureDelay, TransferFunction
 from loop.process_variation import varied
+from loop.signals import Real
 from loop.simulation import simulate
+from monitoring import set_point_instruments
 from monitoring.known_loop import KnownLoop
 from monitoring.loop_signals import Stretch
-from monitoring.model_mismatch import ModelMismatch, ModelVerdict, model_mismatch
-from monitoring.set_point_instruments import estimated, rows_of
+from monitoring.model_mismatch import ModelMismatch, ModelVerdict, _verdict, model_mismatch
+from monitoring.set_point_instruments import Whitened, answer, estimated, rows_of
 
 MODEL = FOPDT(K=-0.8, tau=20.0, theta=8.0)
 SETTINGS = PID(Kc=1.4, Ti=20.0, action=Action.DIRECT)
@@ -103,7 +106,7 @@ def test_a_difference_that_is_small_is_told_without_an_alarm() -> None:
     assert found.p_value is not None
     assert found.p_value < 1e-6
     assert found.verdict is ModelVerdict.AGREES
-    assert found.basis.reasons == ("it differs, by less than 15%",)
+    assert found.basis.reasons == ("it differs, by less than 15% and what the sampling hides",)
 
 
 def test_few_small_moves_leave_it_undecided() -> None:
@@ -133,12 +136,65 @@ def test_other_processes_are_asked_alike(process: Process, pid: PID) -> None:
         assert model_mismatch(recorded(process, pid, size=2.0), calm).verdict is right.verdict
 
 
-def test_a_gain_alone_needs_no_other_suspect() -> None:
-    process = TransferFunction((1.0,), (1.0, 0.0))
-    known = KnownLoop(process=process)
-    stretch = recorded(process, PID(Kc=0.1, Ti=40.0))
-    found = model_mismatch(stretch, known)
-    assert "too fast for samples" in found.basis.reasons[0]
+def test_estimates_that_nothing_drives_are_refused() -> None:
+    rows = rows_of(recorded(MODEL), KnownLoop(process=MODEL))
+    with pytest.raises(PoorExcitation, match="does not excite every parameter"):
+        estimated(replace(rows, driven=np.zeros(rows.driven.size)))
+    with pytest.raises(PoorExcitation, match="the residual does not move"):
+        estimated(replace(rows, pv=answer(MODEL, rows.op, rows.dt)))
+
+
+def test_a_step_that_loses_its_way_ends_the_estimate_without_an_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rows = rows_of(recorded(varied(MODEL, K=1.5)), KnownLoop(process=MODEL))
+    white = np.random.default_rng(0).normal(size=(2, 50))
+    alike = Whitened(residual=white[0], instruments=white[[1, 1]].T, regressors=white[[1, 1]].T)
+    with pytest.raises(PoorExcitation, match="do not tell the parameters apart"):
+        set_point_instruments._step(alike, [0, 1])
+    first = set_point_instruments._step
+
+    def once(found: Whitened, moved: list[int]) -> tuple[Real, Real]:
+        monkeypatch.setattr(set_point_instruments, "_step", lambda *_: first(alike, [0, 1]))
+        return first(found, moved)
+
+    monkeypatch.setattr(set_point_instruments, "_step", once)
+    found = estimated(rows)
+    assert not found.converged
+    assert np.all(np.isfinite(found.logs))
+
+
+def test_settings_that_grow_without_bound_are_no_instrument() -> None:
+    sharp = KnownLoop(process=MODEL, controller=replace(SETTINGS, Kc=6.5))
+    calm = KnownLoop(process=MODEL)
+    stretch = recorded(MODEL, n=1000)
+    np.testing.assert_array_equal(rows_of(stretch, sharp).driven, rows_of(stretch, calm).driven)
+
+
+def test_a_difference_without_a_size_is_undecided() -> None:
+    rows = rows_of(recorded(MODEL), KnownLoop(process=MODEL))
+    one = replace(estimated(rows), logs=np.full(3, 0.1), errors=np.ones(3), converged=False)
+    enough = np.full(3, 0.14)
+    found = [
+        _verdict(significant=s, together=one, singles=[replace(one, converged=c)] * 3,
+                 enough=enough, seen=seen)
+        for s, c, seen in ((True, True, True), (True, False, True), (False, True, False))
+    ]  # fmt: skip
+    assert [verdict for verdict, _ in found] == [
+        ModelVerdict.UNDECIDED, ModelVerdict.DOES_NOT, ModelVerdict.UNDECIDED,
+    ]  # fmt: skip
+    assert found[0][1] == ("it differs, but in what and how much is not clear",)
+
+
+def test_samples_coarser_than_the_scan_cost_confidence_and_no_false_alarm() -> None:
+    for seed in range(6):
+        fine = recorded(MODEL, seed=seed, n=6000)
+        assert fine.sp is not None
+        coarse = replace(fine, dt=3.0, pv=fine.pv[::3], op=fine.op[::3], sp=fine.sp[::3])
+        known = KnownLoop(process=MODEL, controller=SETTINGS, scan_time=1.0)
+        found = model_mismatch(coarse, known)
+        assert found.verdict is not ModelVerdict.DOES_NOT
+        assert "the controller scans between the samples" in found.basis.reasons
 
 
 def test_long_records_are_asked_where_the_set_point_moves_most() -> None:
