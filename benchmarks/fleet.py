@@ -12,17 +12,23 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from itertools import cycle, islice
 from pathlib import Path
+from uuid import UUID
 
 import numpy as np
+import pyarrow as pa
 
 from benchmarks.section import Section, Target
 from benchmarks.timing import duration, processor_time
 from benchmarks.virtual_loops import State, VirtualLoop, virtual_loops
+from historian.sample_layout import BUCKETS, bucket_of, tables_of, write_file
+from historian.sample_log import SampleLog
+from historian.sample_rows import rows_of
+from historian.sample_tidy import ROWS_A_FILE
 from historian.samples import Samples
 from service.cli.installation import KEY, writing
 from service.database import Database
@@ -32,7 +38,7 @@ from service.loops.schemas import NewLoop
 from service.samples import open_samples
 from service.settings import Settings
 
-LOOPS, ALL_LOOPS = 300, 5000
+FEW_LOOPS, LOOPS, ALL_LOOPS = 40, 600, 5000
 SAMPLES, SAMPLE_TIME = 8640, 10
 DAY = date(2026, 3, 2)
 SEED = 5
@@ -140,13 +146,29 @@ def build(folder: Path, count: int) -> str:
     with writing(held) as session:
         names = [create_loop(session, actor=actor, loop=_described(k)).id for k in range(count)]
     held.engine.dispose()
-    samples = open_samples(settings)
-    rng = np.random.default_rng([SEED, 1])
-    for name, one in zip(names, plant(count), strict=True):
-        samples.write(name, varied(one, rng))
-    # A real store is tidied once a day: small files are joined.
-    samples.tidy(keep_hours=0)
+    _store(settings, {str(name): one for name, one in zip(names, plant(count), strict=True)})
     return token
+
+
+def _store(settings: Settings, loops: Mapping[str, VirtualLoop]) -> None:
+    """Lay a day of every loop down as `tidy` leaves it: few files, each a range of loops.
+
+    One upload a loop and tidying them would give the same files, in a quarter of an hour.
+    """
+    folder = settings.data / "samples"
+    open_samples(settings)
+    log = SampleLog(folder)
+    for bucket in range(BUCKETS):
+        names = sorted(name for name in loops if bucket_of(name) == bucket)
+        most = ROWS_A_FILE // SAMPLES
+        for part in (names[k : k + most] for k in range(0, len(names), most)):
+            log.commit([write_file(folder, DAY, bucket, _tables(part, loops))], [])
+
+
+def _tables(names: Iterable[str], loops: Mapping[str, VirtualLoop]) -> Iterator[pa.Table]:
+    for name in names:
+        rng = np.random.default_rng([SEED, int(UUID(name)) % 2**32])
+        yield from tables_of(name, rows_of(varied(loops[name], rng)))
 
 
 def _described(k: int) -> NewLoop:
@@ -239,9 +261,14 @@ def run() -> Section:
 
 
 def measure(count: int) -> Section:
-    """Assess so many loops; the targets are those of 5,000, scaled."""
+    """Assess so many loops; what all would take follows from a run with few of them beside it."""
     found = assessed(count)
-    part = count / ALL_LOOPS
+    seconds, processor = found.seconds, found.processor
+    if count < ALL_LOOPS:
+        few = assessed(FEW_LOOPS)
+        more = (ALL_LOOPS - count) / (count - FEW_LOOPS)
+        seconds += more * (found.seconds - few.seconds)
+        processor += more * (found.processor - few.processor)
     return Section(
         title="A plant's day out of the sample store",
         how=(
@@ -266,17 +293,22 @@ def measure(count: int) -> Section:
             ("found", found.causes),
         ),
         targets=(
-            Target(what=f"time for {ALL_LOOPS:,} loops at this rate", limit=SECONDS, unit="s",
-                   reached=found.seconds / part),
-            Target(what=f"processor time over {PROCESSES} cores for {ALL_LOOPS:,} loops",
-                   limit=SECONDS, unit="s", reached=found.processor / PROCESSES / part),
+            Target(what=f"time for {ALL_LOOPS:,} loops", limit=SECONDS, unit="s", reached=seconds),
+            Target(what=f"processor time for {ALL_LOOPS:,} loops over {PROCESSES} cores",
+                   limit=SECONDS, unit="s", reached=processor / PROCESSES),
             Target(what="peak memory of all processes", limit=MEMORY, unit="MB",
                    reached=found.peak / 1e6),
         ),
         notes=(
-            f"All {ALL_LOOPS:,} loops: `python -m benchmarks.fleet --loops {ALL_LOOPS}`. The time "
-            "by the clock counts what other programs on the machine take; the processor time does "
-            "not.",
+            (
+                f"The times of {ALL_LOOPS:,} loops follow from this run and one of {FEW_LOOPS}, so "
+                "that the start of the processes counts once. All of them: `python -m "
+                f"benchmarks.fleet --loops {ALL_LOOPS}`. "
+                if count < ALL_LOOPS
+                else ""
+            )
+            + "The time by the clock counts what other programs on the machine take; the processor "
+            "time does not. Memory shared by processes counts once.",
         ),
     )  # fmt: skip
 
