@@ -26,6 +26,7 @@ from service.plans.routes import router as plans
 from service.plantwide.routes import router as plantwide
 from service.records.routes import router as records
 from service.records.routes import samples_router as samples
+from service.repeats.routes import router as repeats
 from service.schedules.routes import router as schedules
 from service.sheets.routes import router as sheets
 from service.simulations.routes import router as simulations
@@ -34,9 +35,9 @@ from service.smooth_tunings.routes import router as smooth_tunings
 from service.tunings.routes import router as tunings
 
 ROUTERS: tuple[APIRouter, ...] = (
-    loops, samples, models, frequencies, tunings, smooth_tunings, detunings, analysis, conditioning,
-    smith_predictors, cascades, feed_forwards, schedules, simulations, plans, sheets, assessments,
-    plantwide, jobs, keys, audit, operation
+    loops, samples, models, frequencies, repeats, tunings, smooth_tunings, detunings, analysis,
+    conditioning, smith_predictors, cascades, feed_forwards, schedules, simulations, plans, sheets,
+    assessments, plantwide, jobs, keys, audit, operation
 )  # fmt: skip
 UPLOADS: tuple[APIRouter, ...] = (records,)
 

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from advice.bootstrap import bootstrap_body, bootstrap_words
 from advice.case_body import case_model_body
 from advice.tune import tune
 from service.cli import reading
@@ -23,6 +24,12 @@ def identify(
     mode: reading.ModeColumn = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the `model` of the document that tune prints.")
+    ] = False,
+    bootstrap: Annotated[
+        bool,
+        typer.Option(
+            "--bootstrap", help="Add intervals from the test repeated with its own residual."
+        ),
     ] = False,
     tag: reading.Tag = None,
     delimiter: reading.Delimiter = None,
@@ -45,7 +52,14 @@ def identify(
     record, export = reading.read_record(file, stated)
     case = tune(record)  # the same walk as `loopwright tune`, so that the two cannot disagree
     if as_json:
-        typer.echo(json.dumps(case_model_body(case), indent=1, allow_nan=False))
+        body = case_model_body(case)
+        if bootstrap and case.model is not None:
+            body["bootstrap"] = bootstrap_body(case.model)
+        typer.echo(json.dumps(body, indent=1, allow_nan=False))
     else:
         print_model(case, export, title=record.tag or file.name)
+        if bootstrap and case.model is not None:
+            typer.echo(
+                "\n".join(("", "Bootstrap", *map("  {}".format, bootstrap_words(case.model))))
+            )
     return REFUSED if case.refused else 0

@@ -7,9 +7,7 @@ from typing import Annotated
 import typer
 
 from advice.display import digits
-from advice.repeats_body import repeats_body
-from identification.identify import identify
-from identification.repeats import pool
+from advice.repeats import repeats_body, repeats_case, repeats_sentences
 from loop.errors import FitNotTrusted
 from service.cli import reading
 
@@ -33,17 +31,18 @@ def repeats(
     Exit code 0: pooled. 3: fewer than two tests carry a model. 2: called wrongly. 1: failed.
     """
     stated = reading.Stated(time=time, pv=pv, op=op, op_before=op_before, tag=tag)
-    models = [identify(reading.read_record(file, stated)[0]) for file in files]
+    records = [reading.read_record(file, stated)[0] for file in files]
     try:
-        found = pool(models)
+        case = repeats_case(records)
     except FitNotTrusted as fact:
         typer.echo(json.dumps({"refused": str(fact)}) if as_json else str(fact))
         return REFUSED
     if as_json:
-        typer.echo(json.dumps(repeats_body(found), indent=1, allow_nan=False))
+        typer.echo(json.dumps(repeats_body(case), indent=1, allow_nan=False))
         return 0
-    for note in found.notes:
-        typer.echo(note)
+    for sentence in repeats_sentences(case):
+        typer.echo(sentence)
+    found = case.pooled
     for test in found.left_out:
         typer.echo(f"left out: {files[test.index].name}: {test.reason}")
     p = found.process

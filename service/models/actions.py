@@ -7,6 +7,7 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from advice.body import Body
+from advice.bootstrap import bootstrap_body
 from advice.identifying import identified
 from advice.model_body import data_body, model_body, stated_model_body
 from historian.sample_store import SampleStore
@@ -49,7 +50,9 @@ def work_out_model(
         found.record(tag=loop.tag, pv_unit=loop.pv_unit, op_unit=loop.op_unit),
         op_before=wanted.op_before,
     )
-    return {**model_body(identified(record)), "data": data_body(record)}
+    model = identified(record)
+    more: Body = {"bootstrap": bootstrap_body(model)} if wanted.bootstrap else {}
+    return {**model_body(model), **more, "data": data_body(record)}
 
 
 def keep_model(

@@ -175,13 +175,18 @@ class NewModel(Strict):
         None, description="Output before the first row, if the step is at that row. [OP]"
     )
     process: AnyProcessBody | None = Field(None, description="The process, if it is known already.")
+    bootstrap: bool = Field(
+        False,
+        description="Whether intervals by bootstrap are wanted too; it takes a second.",
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         if (self.record_id is None) == (self.process is None):
             raise ValueError("give either record_id or process")
-        if self.process is not None and (self.start or self.end or self.op_before is not None):
-            raise ValueError("start, end and op_before go with record_id")
+        of_record = self.start or self.end or self.op_before is not None or self.bootstrap
+        if self.process is not None and of_record:
+            raise ValueError("start, end, op_before and bootstrap go with record_id")
         for name in ("start", "end"):
             instant: datetime | None = getattr(self, name)
             if instant is not None and instant.tzinfo is None:

@@ -162,3 +162,15 @@ def test_a_record_must_be_the_loops_own_and_reach_into_the_span(
 def _plain(loop: dict[str, Any]) -> dict[str, Any]:
     answers_only = {"id", "version", "archived", "created_at", "created_by", "changed_at"}
     return {name: value for name, value in loop.items() if name not in answers_only}
+
+
+def test_intervals_by_bootstrap_come_on_request(
+    client: TestClient, tic101: dict[str, Any], stored: Callable[[Record], str]
+) -> None:
+    address = f"/v1/loops/{tic101['id']}/models"
+    asked = {"record_id": stored(step_test()), "bootstrap": True}
+    body = client.post(address, json=asked).json()
+    low, high = body["bootstrap"]["intervals_95"]["K"]
+    assert low < body["K"] < high
+    stated = {"process": {"kind": "IPDT", "K": 1.0, "theta": 2.0}, "bootstrap": True}
+    assert client.post(address, json=stated).status_code == 422

@@ -1,0 +1,1 @@
+"""Repeated tests of stored loops taken together; nothing is stored."""
