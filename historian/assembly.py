@@ -66,6 +66,7 @@ class Assembly:
             steps = np.diff(stream.instants)
             self._steps_back |= bool(np.any((steps < 0) & (steps >= -3600 * SECOND)))
         stream.values.clear()
+        stream.rows = None
         time = as_times(series.instants)
         spacing = spacing_of(series.instants)
         for tag in tags:

@@ -1,6 +1,7 @@
 """Rows of a long file, each one sample of one tag, sorted apart at the end."""
 
 from functools import partial
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -12,11 +13,11 @@ from historian.cells import Cells, Words
 from historian.errors import ExportRefused
 from historian.instants import InstantReader
 from historian.plan import Plan
-from historian.streams import GrowingArray, Instants, Integers, LineMap, Stream, Values
+from historian.streams import Array, GrowingArray, Instants, Integers, LineMap, Stream, Values
 from loop.signals import Flags, Real
 
 MOST_TAGS = 32_000
-MOST_SHORT = 2**31  # rows that are numbered in half the memory
+ROWS_AT_ONCE = 250_000  # so that what is worked with is small beside the whole
 
 
 class LongRows:
@@ -160,20 +161,40 @@ class LongRows:
     def finished(self) -> list[Stream]:
         """Sort the samples apart by tag."""
         codes = self._codes.finished()
-        order = np.argsort(codes, kind="stable")
-        if codes.size < MOST_SHORT:
-            order = order.astype(np.int32)
-        ends = np.concatenate([[0], np.cumsum(np.bincount(codes, minlength=len(self._tags)))])
-        del codes
+        counts = np.zeros(len(self._tags), dtype=np.int64)
+        for first in range(0, codes.size, ROWS_AT_ONCE):
+            counts += np.bincount(codes[first : first + ROWS_AT_ONCE], minlength=counts.size)
+        ends = np.cumsum(counts)
         # One array after the other, so that no two of them are held twice at once.
-        times = self._times.finished()[order]
-        values = self._values.finished()[order]
+        times = _sorted_apart(self._times.finished(), codes, ends - counts)
+        values = _sorted_apart(self._values.finished(), codes, ends - counts)
         streams = []
         for tag, code in self._tags.items():
-            own = slice(ends[code], ends[code + 1])
-            if own.start < own.stop:
+            own = slice(int(ends[code] - counts[code]), int(ends[code]))
+            if counts[code]:
                 found: Values = values[own]
                 if self._is_mode(tag):
                     found = found.astype(np.int8)
-                streams.append(Stream(times[own], self._lines, {tag: found}, order[own]))
+                rows = partial(_rows_of, codes, code)
+                streams.append(Stream(times[own], self._lines, {tag: found}, rows))
         return streams
+
+
+def _rows_of(codes: npt.NDArray[np.int16], code: int) -> Integers:
+    return np.flatnonzero(codes == code)
+
+
+def _sorted_apart(array: Array, codes: npt.NDArray[np.int16], begins: Integers) -> Array:
+    """Arrange an array by code, in the order of the file, with little memory but that of a copy."""
+    given = cast("npt.NDArray[Any]", array)
+    arranged = np.empty_like(given)
+    begins = begins.copy()
+    for first in range(0, codes.size, ROWS_AT_ONCE):
+        part = slice(first, first + ROWS_AT_ONCE)
+        order = np.argsort(codes[part], kind="stable")
+        code = codes[part][order]
+        count = np.bincount(code, minlength=begins.size)
+        earlier = np.cumsum(count) - count
+        arranged[(begins - earlier)[code] + np.arange(code.size)] = given[part][order]
+        begins += count
+    return cast("Array", arranged)

@@ -1,5 +1,6 @@
 """Rows that share their times, gathered block by block, with the line each one came from."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeAlias, TypeVar, cast
 
@@ -52,8 +53,8 @@ class Stream:
         Nanoseconds since 1970 as int64, or elapsed seconds as float64.
     lines : LineMap
         Lines of the rows of the file.
-    rows : ndarray of int64, shape (n,), optional
-        Which rows of the file these are; none for all of them.
+    rows : callable, optional
+        Finds which rows of the file these are, shape (n,); none for all of them.
     values : dict of str to ndarray, shape (n,)
         Values by tag, NaN for gaps; modes as int8 numbers of `Mode`, UNKNOWN for gaps.
     """
@@ -61,11 +62,11 @@ class Stream:
     instants: Instants
     lines: LineMap
     values: dict[str, Values]
-    rows: Integers | None = None
+    rows: Callable[[], Integers] | None = None
 
     def lines_of(self, rows: Integers) -> Integers:
         """Find the lines of some rows."""
-        return self.lines.of(rows if self.rows is None else self.rows[rows])
+        return self.lines.of(rows if self.rows is None else self.rows()[rows])
 
 
 class GrowingArray(Generic[Array]):

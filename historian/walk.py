@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from functools import partial
 
 import numpy as np
+import pyarrow as pa
 
 from historian.accounting import NO_TIME, NOT_A_TIME, Ledger
 from historian.assignment import Signal
@@ -41,6 +42,7 @@ class Walk:
             long = LongRows(self._plan, self._ledger, self._instants)
             for cells in self._each(blocks):
                 long.append(cells)
+            pa.default_memory_pool().release_unused()  # sorting needs the room
             return long.finished()
         groups = self._groups()
         growing = [GrowingStream(self._plan.expected_rows) for _ in groups]

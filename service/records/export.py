@@ -79,8 +79,10 @@ class LoopExport:
             self._account.add(loop.accounting, loop.time)
             self._decisions = self._decided(part, loop)
             self.rows += time.size
-            if time.size:
-                yield _samples(time, loop)
+            samples = _samples(time, loop)
+            del part, loop, time  # the other signals of a long file need not wait for the writing
+            if len(samples):
+                yield samples
         if not self.rows:
             raise ExportRefused("The loop has no sample with a time; there is nothing to store.")
 
