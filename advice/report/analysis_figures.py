@@ -26,7 +26,7 @@ from loop.signals import Complex
 # Beyond this the dead time only goes on turning.
 LOWEST_PHASE = -720.0
 NEAR = 6.0
-SEVERAL_DECADES = 300.0
+A_DECADE = 10.0  # so that one is labelled
 BRANCH = Look(INK, "solid", 1.6)
 
 
@@ -141,10 +141,10 @@ def _root_locus(analysis: Analysis, locus: RootLocus) -> Figure:
 
 
 def _gain_axis(title: str, response: Complex) -> Axis:
-    """A logarithmic axis, labelled by decades where there are several."""
+    """A logarithmic axis, labelled by decades where there is one."""
     size = np.abs(response)
     size = size[np.isfinite(size) & (size > 0)]
-    many = bool(size.size) and float(size.max()) > SEVERAL_DECADES * float(size.min())
+    many = bool(size.size) and float(size.max()) > A_DECADE * float(size.min())
     return Axis(title=title, log=True, decades=many)
 
 

@@ -29,6 +29,7 @@ class Look(NamedTuple):
 STRONG = Look(ACCENT, "solid", 2.4)
 SECOND = Look(QUIET, "dash", 2.0)
 THIRD = Look(INK, "dot", 2.0)
+FOURTH = Look(INK, "dashdot", 1.6)
 MARK = Look(LIMIT, "dot", 1.2)
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif"
 MOST_POINTS = 2_000  # a screen has fewer columns than this; SVG stays quick

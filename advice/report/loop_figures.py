@@ -8,6 +8,7 @@ import numpy as np
 
 from advice.horizon import horizon
 from advice.report.drawing import (
+    FOURTH,
     LIMIT,
     MARK,
     SECOND,
@@ -28,7 +29,7 @@ from loop.simulation import Response, simulate
 from tuning.profiles import Profile
 from tuning.verification import Verification
 
-LOOKS = (STRONG, SECOND, THIRD)
+LOOKS = (STRONG, SECOND, THIRD, FOURTH)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

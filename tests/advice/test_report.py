@@ -12,13 +12,14 @@ from advice.analyse import Task
 from advice.analysis_words import limit_words, loop_words, pole_words
 from advice.display import digits
 from advice.report.analysis_section import analysis_of
+from advice.report.loop_figures import sweep
 from advice.report.page import Asked, event_sizes, report_page, write_report
 from advice.robust_choice import optimal_choices, prove_case
 from advice.tune import TuningCase, tune, tune_process
 from loop.controller import PID
 from loop.margins import margins
 from loop.plants import PLANT, relay_test
-from loop.process import FOPDT, IPDT
+from loop.process import FOPDT, IPDT, SOPDT
 from loop.record import Record
 
 
@@ -185,3 +186,13 @@ def test_an_unstable_running_controller_has_no_response_to_draw() -> None:
     names = [trace["name"] for trace in drawn["setpoint"]["data"]]
     assert "running now" not in names
     assert "running now" in [trace["name"] for trace in drawn["nyquist"]["data"]]
+
+
+def test_every_parameter_of_the_sweep_is_drawn() -> None:
+    case = tune_process(SOPDT(K=2.0, tau1=30.0, tau2=10.0, theta=5.0))
+    assert case.best is not None
+    assert case.best.verification is not None
+    drawn = sweep(case.best.verification, case.profile)["data"]
+    assert isinstance(drawn, list)
+    named = {trace["name"] for trace in drawn if isinstance(trace, dict)}
+    assert {f"error of {name}" for name in ("K", "tau1", "tau2", "theta")} <= named
