@@ -38,10 +38,11 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
         name: Benchmark(name=name, about=about, seconds=seconds)
         for name, about, seconds in (
             ("margins", "gain, phase, delay margin, Ms, Mt against python-control", 80.0),
-            ("fopdt_fit", "FOPDT fit of a step test against scipy curve_fit and gekko", 70.0),
+            ("fopdt_fit", "FOPDT fit of a step test against scipy curve_fit and gekko", 50.0),
             ("fopdt_bound", "FOPDT fit of 1,000 tests against the Cramér-Rao bound", 35.0),
             ("fopdt_calibration", "whether the stated errors of the FOPDT fit are true", 40.0),
             ("relay", "models from 600 noisy relay tests, theta/tau .05 to 10", 70.0),
+            ("closed_loop_fit", "models from routine data against sippy, scipy, gekko", 65.0),
             ("simulation", "closed loop with limits against simple-pid, python-control", 40.0),
             ("box_proof", "the proven worst case of boxes against 100,000 random plants", 60.0),
             ("robust_choice", "load area at equal guaranteed Ms, every published rule", 60.0),
