@@ -95,3 +95,9 @@ def test_the_weights_say_how_many_simulated_plants_they_rest_on() -> None:
     assert model.weights.shape == (len(NAMES),)
     # Every kind of evidence speaks for the loop that has it.
     assert np.all(model.weights > 0)
+
+
+def test_a_loop_alone_has_nobody_to_be_ahead_of() -> None:
+    found = origin((LoopEvidence(share=0.9, nonlinearity=4.0, stiction=None),), NOTHING, (), 40.0)
+    assert found.probabilities[0] == pytest.approx(1 - found.elsewhere)
+    assert found.named is None

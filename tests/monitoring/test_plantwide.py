@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from loop.signals import Real
 from monitoring.cascade_pairs import cascade_pairs
 from monitoring.nonlinearity import nonlinearity
-from monitoring.shared_oscillations import shared_oscillations
+from monitoring.shared_oscillations import felt, shared_oscillations
 
 N = 1500
 
@@ -65,6 +65,16 @@ def test_swings_that_share_a_period_by_chance_are_seldom_one_group() -> None:
     rng = np.random.default_rng(10)
     pairs = [np.array([swing(rng, 40.0), swing(rng, 40.0)]) for _ in range(60)]
     assert sum(len(shared_oscillations(pair, np.full(2, 40.0))) for pair in pairs) <= 1
+
+
+def test_a_loop_feels_a_swing_that_noise_hides_and_no_other() -> None:
+    rng = np.random.default_rng(11)
+    cause = square(rng, 40.0)
+    others = np.array([0.5 * lagged(cause, 5.0, 3) + rng.normal(size=N), rng.normal(size=N)])
+    near, far = felt(cause, others, 40.0)
+    assert 0.25 <= near < 1.0
+    assert far == 0.0
+    np.testing.assert_array_equal(felt(cause[:300], others[:, :300], 40.0), 0.0)
 
 
 def test_gain_sign_offset_and_drift_of_a_loop_change_no_group() -> None:
