@@ -38,7 +38,7 @@ from service.loops.schemas import NewLoop
 from service.samples import open_samples
 from service.settings import Settings
 
-FEW_LOOPS, LOOPS, ALL_LOOPS = 40, 600, 5000
+FEW_LOOPS, LOOPS, ALL_LOOPS = 40, 400, 5000
 SAMPLES, SAMPLE_TIME = 8640, 10
 DAY = date(2026, 3, 2)
 SEED = 5
