@@ -49,4 +49,4 @@ bench:
 	.venv-bench/bin/python -m benchmarks
 
 clean:
-	rm -rf $(VENV) .venv-bench .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) .venv-bench .venv-plants .mypy_cache .ruff_cache .pytest_cache .hypothesis
