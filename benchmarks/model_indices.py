@@ -86,8 +86,9 @@ def drawn(
     if np.ptp(run.pv) > 20 * (size + 1):
         return None
     stretch = Stretch(first=0, dt=1.0, pv=run.pv, op=run.op, sp=run.sp, share=1.0)
+    known = KnownLoop(process=model, controller=pid, scan_time=1.0)
     return Drawn(
-        stretch=stretch, known=KnownLoop(process=model, controller=pid), sp=sp, load=load,
+        stretch=stretch, known=known, sp=sp, load=load,
         noise=noise,
     )  # fmt: skip
 

@@ -26,6 +26,8 @@ LEVEL = 0.01
 MATERIAL = 0.15
 # With a standard error below it a difference of 50 % would be seen.
 SEEN = 0.15
+# Beyond this part a difference of 50 % would pass for one that does not matter.
+HALF_SEEN = 0.4
 # A lag or dead time below this part of both together need not show.
 MINOR = 0.25
 # A parameter explains alone what chi-squared leaves to chance, and others must do so worse.
@@ -136,12 +138,14 @@ def model_mismatch(stretch: Stretch, known: KnownLoop, *, level: float = LEVEL) 
             rows=0, basis=refusal(str(reason), share=stretch.share, settings=settings),
         )  # fmt: skip
     p = float(chi2.sf(start.statistic, len(rows.names)))
-    checked = start.alone < SEEN
+    enough = _enough(rows)
+    # What the sampling may hide is not seen either.
+    checked = (start.alone < SEEN) & (enough < np.log1p(HALF_SEEN))
     verdict, said = _verdict(
         significant=p < level,
         together=together,
         singles=singles,
-        enough=_enough(rows),
+        enough=enough,
         seen=bool(np.all(checked[_needed(rows, known)])),
     )
     coarse = ("the controller scans between the samples",) if rows.late > 0 else ()

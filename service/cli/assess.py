@@ -85,6 +85,10 @@ def assess(
         float | None,
         typer.Option(metavar="S", help="Desired closed-loop time constant to be judged by."),
     ] = None,
+    scan_time: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Scan time of the controller, with --model."),
+    ] = None,
     processes: Annotated[
         int | None, typer.Option(min=1, max=256, help="Processes beside each other.")
     ] = None,
@@ -117,7 +121,7 @@ def assess(
     """
     settings = settings_for(data=data)
     crew = _crew(settings, processes, scheduler)
-    known = _known(model, settings_, OutputLimits(low=op_low, high=op_high))
+    known = _known(model, settings_, OutputLimits(low=op_low, high=op_high), scan_time)
     if tau_c is not None and not SMALLEST <= tau_c <= LARGEST:
         raise typer.BadParameter(f"--tau-c must lie within {SMALLEST:g} and {LARGEST:g}")
     if source is None:
@@ -162,14 +166,18 @@ def _crew(settings: Settings, processes: int | None, scheduler: str | None) -> C
     return local_crew(processes or settings.job_processes)
 
 
-def _known(model: str | None, settings: str | None, limits: OutputLimits) -> KnownLoop | None:
+def _known(
+    model: str | None, settings: str | None, limits: OutputLimits, scan_time: float | None
+) -> KnownLoop | None:
     if model is None:
-        if settings is not None:
-            raise typer.BadParameter("--settings needs the --model that they control")
+        if settings is not None or scan_time is not None:
+            raise typer.BadParameter("--settings and --scan-time need the --model they belong to")
         return None
+    if scan_time is not None and not SMALLEST <= scan_time <= LARGEST:
+        raise typer.BadParameter(f"--scan-time must lie within {SMALLEST:g} and {LARGEST:g}")
     process = process_from_text(model)
     controller = None if settings is None else controller_from_text(settings, process)
-    return KnownLoop(process=process, controller=controller, limits=limits)
+    return KnownLoop(process=process, controller=controller, limits=limits, scan_time=scan_time)
 
 
 def _single(records: Iterator[Record], known: KnownLoop | None) -> Iterator[Record]:

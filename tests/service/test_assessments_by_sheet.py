@@ -51,7 +51,7 @@ def approve(client_as: Callable[..., TestClient], loop: str, Kc: float, K: float
     if K is not None:
         process = {"kind": "FOPDT", "K": K, "tau": 600.0, "theta": 240.0}
         model = anna.post(f"/v1/loops/{loop}/models", json={"process": process}).json()["id"]
-    settings = {"form": "isa", "Kc": Kc, "Ti": 600.0, "anti_windup": "clamping"}
+    settings = {"form": "isa", "Kc": Kc, "Ti": 600.0, "anti_windup": "clamping", "scan_time": 60.0}
     drafted = anna.post(
         f"/v1/loops/{loop}/sheets",
         json={"settings": settings, "model_id": model, "reason": "as found"},

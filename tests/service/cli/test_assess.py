@@ -83,6 +83,7 @@ def test_a_stated_model_says_more_about_the_loop_of_a_file(
     samples = signals()
     file = csv(tmp_path / "routine.csv", samples)
     stated = ["--model", "FOPDT:1,600,240", "--settings", "0.5,600", "--tau-c", "300"]
+    stated += ["--scan-time", "60"]
     assert run(["assess", str(file), *stated, "--limit-high", "50", "--json"]) == 0
     indices = json.loads(capsys.readouterr().out)["assessments"][0]["indices"]
     assert indices["error"]["outside"] == pytest.approx(np.mean(samples.pv > 50))
@@ -91,6 +92,7 @@ def test_a_stated_model_says_more_about_the_loop_of_a_file(
         process=FOPDT(K=1.0, tau=600.0, theta=240.0),
         controller=PID(Kc=0.5, Ti=600.0),
         limits=OutputLimits(low=0.0, high=100.0),
+        scan_time=60.0,
     )
     record = samples.record(tag="TIC-1")
     alone = assessment_body(assess(record, known=known, tau_c=300.0))
@@ -149,7 +151,8 @@ def test_a_day_of_the_installation_is_assessed_and_kept(
         ([], "state --day, or a file or folder to assess"),
         (["nowhere.csv"], "there is no file nowhere.csv"),
         (["nowhere.csv", "--pv-low", "0"], "state both --pv-low and --pv-high, or neither"),
-        (["x.csv", "--settings", "1,2"], "--settings needs the --model that they control"),
+        (["x.csv", "--settings", "1,2"], "--settings and --scan-time need the --model"),
+        (["x.csv", "--model", "IPDT:1,2", "--scan-time", "0"], "--scan-time must lie within"),
         (["x.csv", "--limit-low", "9", "--limit-high", "5"], "--limit-high must be above"),
         (["x.csv", "--tau-c", "0"], "--tau-c must lie within"),
         (["--tau-c", "9", "--day", "2026-01-31"], "belong to a file"),
