@@ -49,7 +49,7 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
             ("tuning_request", "all rules with their sweeps for one process", 40.0),
             ("process_batch", "AMIGO and SIMC on 133 processes, margins of the process", 60.0),
             ("csv_import", "historian exports against pandas, pyarrow, polars", 320.0),
-            ("sample_store", "a loop's month, a day of all loops, corrections", 150.0),
+            ("sample_store", "a loop's month, a day of all loops, corrections", 90.0),
             ("false_alarms", "oscillation and stiction: 1,000 healthy loops, sticking ones", 170.0),
             ("burst_detection", "waves as large as the noise: how many are found", 90.0),
             ("model_indices", "model mismatch, expected response, achievable variance", 170.0),
