@@ -51,13 +51,23 @@ def export_process(body: ExportModel, _: Viewer) -> Script:
     return actions.export_process(body)
 
 
-@router.post("/analysis/pole-regions", response_model=RegionBody, openapi_extra=declares(None))
+@router.post(
+    "/analysis/pole-regions",
+    response_model=RegionBody,
+    openapi_extra=declares(None),
+    dependencies=[HEAVY],
+)
 def specify_response(body: SpecifyResponse, _: Viewer) -> Body:
     """Turn a specification of the step response into a region for the poles, and poles back."""
     return actions.region_of(body)
 
 
-@router.post("/analysis/interactions", response_model=InteractionBody, openapi_extra=declares(None))
+@router.post(
+    "/analysis/interactions",
+    response_model=InteractionBody,
+    openapi_extra=declares(None),
+    dependencies=[HEAVY],
+)
 def relate_loops(body: RelateLoops, _: Viewer) -> Body:
     """Find the relative gains of a plant, and the pairing that interacts least."""
     return actions.relate_loops(body)
