@@ -55,6 +55,7 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
             ("model_indices", "model mismatch, expected response, achievable variance", 170.0),
             ("who_leads", "where a shared oscillation begins, on simulated plants", 170.0),
             ("tennessee_eastman", "sticking valves of the Tennessee Eastman plant", 240.0),
+            ("stiction_windows", "stiction in simulated windows of plant history", 120.0),
             ("loop_day", "monitoring of 86,400 samples against statsmodels/scipy", 90.0),
             ("fleet", "a day of many loops out of the sample store, two processes", 240.0),
             ("http_tuning", "a tuning request through HTTP", 60.0),

@@ -22,7 +22,7 @@ from monitoring.oscillation import oscillation
 from monitoring.stiction import stiction
 from monitoring.stiction_result import Stiction, StictionVerdict
 
-SEED = 900
+SEED = 910
 SAMPLES = 2000
 EPISODES = Path(__file__).parent.parent.parent / "shared" / "data" / "refinery_loops"
 # The probability is calibrated with sticking and other loops equally likely beforehand: a refusal
@@ -85,12 +85,12 @@ def sine_detection(count: int, *, seed: int = SEED) -> float:
     return float(np.mean(hits))
 
 
-def episode_probabilities(folder: Path = EPISODES) -> dict[str, tuple[int, float, float]]:
-    """Expert's label, our mean probability and the plant's mean index, loop by loop."""
-    found: dict[str, list[tuple[int, float, float]]] = defaultdict(list)
+def episode_probabilities(folder: Path = EPISODES) -> dict[str, tuple[int, float, float, bool]]:
+    """Expert's label, our mean probability, the plant's mean index, whether we refused them all."""
+    found: dict[str, list[tuple[int, float, float, bool]]] = defaultdict(list)
     with (folder / "episodes.csv").open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
-            signals = _episode(folder / row["file"])
+            signals = episode_signals(folder / row["file"])
             dt = float(row["sample_time_s"])
             stretch = Stretch(
                 first=0, dt=dt, pv=signals[:, 1], op=signals[:, 0], sp=signals[:, 2], share=1.0
@@ -103,6 +103,7 @@ def episode_probabilities(folder: Path = EPISODES) -> dict[str, tuple[int, float
                     int(row["stiction"]),
                     PRIOR if said.probability is None else said.probability,
                     float(row["plant_index"]),
+                    said.probability is None,
                 )
             )
     return {
@@ -110,12 +111,20 @@ def episode_probabilities(folder: Path = EPISODES) -> dict[str, tuple[int, float
             rows[0][0],
             float(np.mean([r[1] for r in rows])),
             float(np.mean([r[2] for r in rows])),
+            all(r[3] for r in rows),
         )
         for loop, rows in found.items()
     }
 
 
-def _episode(path: Path) -> Real:
+def first_episode(loop: str, folder: Path = EPISODES) -> tuple[Path, float]:
+    """File of a loop's first episode, and its sample time. [s]"""
+    with (folder / "episodes.csv").open(encoding="utf-8") as file:
+        row = next(row for row in csv.DictReader(file) if row["loop"] == loop)
+    return folder / row["file"], float(row["sample_time_s"])
+
+
+def episode_signals(path: Path) -> Real:
     """OP, PV and SP of an episode: rows of numbers behind the head."""
     rows = []
     for line in path.read_text("utf-8", errors="replace").splitlines():
@@ -251,6 +260,8 @@ def _episodes() -> tuple[Target, str]:
     pairs = int(label.sum() * (label.size - label.sum()))
     value = auc(label, ours)
     low, high = auc_interval(label, ours)
+    none = np.array([row[3] for row in loops.values()])
+    refused = int(np.count_nonzero(none))
     order = sorted(loops.items(), key=lambda item: -item[1][1])
     listed = ", ".join(
         f"{loop} {row[1]:.2f}" + (" (sticky)" if row[0] else "") for loop, row in order[:8]
@@ -260,10 +271,9 @@ def _episodes() -> tuple[Target, str]:
                at_least=True),
         f"Refinery episodes by loop: {value * pairs:g} of {pairs} pairs won, AUC {value:.3f}, "
         f"bootstrap {low:.3f} to {high:.3f}; the plant's own index {auc(label, plant):.3f} on the "
-        f"same loops. They chose nothing here. Episodes that are refused count one half: "
-        f"{int(np.count_nonzero(label[ours == PRIOR]))} of the {int(label.sum())} sticky loops are "
-        f"refused throughout, PV or OP hardly moving; with 0 for them the AUC is "
-        f"{auc(label, np.where(ours == PRIOR, 0.0, ours)):.3f}. "
+        f"same loops. They chose nothing here. {refused} of the {label.size} loops are refused "
+        f"throughout and count one half; with 0 for them the AUC is "
+        f"{auc(label, np.where(none, 0.0, ours)):.3f}. "
         f"Highest mean probabilities: {listed}.",
     )  # fmt: skip
 

@@ -15,6 +15,10 @@ from monitoring.stiction_result import StictionVerdict
 SAME_PERIOD = 0.1
 # What is left of the autocorrelation of a steady wave; noise in a lively loop loses its phase.
 STEADY_WAVE = 0.85
+MOVE_IT = (
+    "To tell: put the loop in manual, move OP by a few percent up and back, and watch PV and the "
+    "stem; check the positioner."
+)
 OSCILLATING_SET_POINT = "The set point oscillates with the same period, about {period:.3g} s."
 
 
@@ -140,6 +144,8 @@ def _sensor(indices: Indices, profile: ScoreProfile) -> Diagnosis | None:
     evidence = []
     if sensor.frozen:
         evidence.append(f"PV stood still for {sensor.longest_flat:.4g} s while OP moved.")
+        if sensor.noise:
+            evidence.append("Its noise stopped too, which speaks for the measurement.")
     if sensor.clipped is not None and sensor.clipped > profile.clipped_most:
         evidence.append(f"{sensor.clipped:.0%} of PV lie clipped at an end of its range.")
     if sensor.coarse:
@@ -148,9 +154,12 @@ def _sensor(indices: Indices, profile: ScoreProfile) -> Diagnosis | None:
         evidence.append(f"Only {sensor.good:.0%} of PV have a good value.")
     if not evidence:
         return None
+    confidence = Confidence.HIGH if len(evidence) > 1 else Confidence.MEDIUM
+    if sensor.frozen:
+        evidence.append("A valve that does not move looks alike. " + MOVE_IT)
     return Diagnosis(
         cause=Cause.SENSOR,
-        confidence=Confidence.HIGH if len(evidence) > 1 else Confidence.MEDIUM,
+        confidence=confidence,
         evidence=tuple(evidence),
         action=Action.CHECK_SENSOR,
         # A PV that stands still while OP moves may also be a valve that does not move.
@@ -254,6 +263,7 @@ def _valve(control: ControlIndices) -> Diagnosis:
         evidence.append(f"S {stiction.S:.2g} % and J {stiction.J:.2g} % of OP explain OP and PV.")
     elif stiction.apparent_size is not None:
         evidence.append(f"Apparent stiction {stiction.apparent_size:.2g} % of OP.")
+    evidence.append(MOVE_IT)
     return Diagnosis(
         cause=Cause.VALVE,
         confidence=stiction.basis.confidence,

@@ -2,15 +2,23 @@
 
 import numpy as np
 
+from monitoring.answer_model import answer_model, joint_vector
 from monitoring.basis import Basis, Confidence, Setting, refusal
 from monitoring.loop_signals import Stretch
 from monitoring.op_pv_figure import apparent_stiction
 from monitoring.oscillation import Oscillation
-from monitoring.stiction_features import StictionFeatures, active_part, stiction_features
-from monitoring.stiction_model import StictionModel, stiction_model
+from monitoring.stiction_features import StictionFeatures, active_part
 from monitoring.stiction_result import Stiction, StictionEvidence, StictionVerdict
-from monitoring.stiction_search import CLEAR, StictionSearch, stiction_search
+from monitoring.stiction_search import CLEAR, StictionSearch
+from monitoring.valve_answers import FEWEST_SAMPLES, LEAST_MOVE, ValveAnswers, valve_answers
 from monitoring.wave_shapes import area_ratio, hagglund_index, he_index, rossi_scali_index
+from monitoring.wave_word import wave_word
+
+# Of measurements that stand wholly still while OP moves, two in three are taken as a valve that
+# does not move, one as a measurement that is frozen: valves fail more often. No data say it. OP
+# that moved by less than this part of its range shows nothing.
+STILL_PRIOR, STILL_MOVE = 2 / 3, 0.01
+NOTHING_KNOWN = 0.5
 
 
 def stiction(
@@ -21,7 +29,7 @@ def stiction(
     integrating: bool = False,
     compressed: bool = False,
 ) -> Stiction:
-    """Judge the valve from the waves of OP and PV.
+    """Judge the valve from PV's answers to OP, and from the waves of both where they swing.
 
     Parameters
     ----------
@@ -36,38 +44,46 @@ def stiction(
     compressed : bool
         Whether the historian compressed PV beyond what wave shapes bear.
     """
-    found = None
-    if np.ptp(stretch.op) > 1e-3 * op_span and np.ptp(stretch.pv) > 0:
-        found = stiction_features(
-            stretch.op, stretch.pv, stretch.error, swings, stretch.dt, integrating=integrating
-        )
-    if found is None:
-        return _nothing_to_judge(stretch)
-    model = stiction_model()
-    part = active_part(swings, stretch.dt)
-    first = model.probability(found.vector[None])
-    probability, search = float(first[0]), None
-    if probability >= model.flagged_from:
-        search = stiction_search(stretch.op[part], stretch.pv[part], found.period)
-        probability = float(model.searched(first, np.array([search.improvement or 0.0]))[0])
+    if not np.ptp(stretch.op) > 0:
+        return _nothing_to_judge(stretch, "OP does not move")
+    if not np.ptp(stretch.pv) > 0:
+        return _still(stretch, op_span)
+    period = None if swings.main is None else swings.main.period / stretch.dt
+    answers = valve_answers(
+        stretch.op, stretch.pv, stretch.error, op_span=op_span, integrating=integrating,
+        period=period,
+    )  # fmt: skip
+    if answers is None:
+        return _nothing_to_judge(stretch, f"fewer than {FEWEST_SAMPLES} samples")
+    word, found, search = wave_word(
+        stretch.op, stretch.pv, stretch.error, swings, stretch.dt, op_span=op_span,
+        integrating=integrating,
+    )  # fmt: skip
+    model = answer_model()
+    alone = float(model.answers(answers.vector[None])[0])
+    probability = float(model.together(joint_vector(alone, word)[None])[0])
     verdict = StictionVerdict.UNDECIDED
-    if probability >= model.stiction_from:
+    if probability >= model.stiction_from and answers.op_range >= LEAST_MOVE:
         verdict = StictionVerdict.STICTION
     elif probability < model.none_below:
         verdict = StictionVerdict.NONE
-    size = apparent_stiction(stretch.op[part], stretch.pv[part], found.period)
+    size = None
+    if found is not None:
+        part = active_part(swings, stretch.dt)
+        size = apparent_stiction(stretch.op[part], stretch.pv[part], found.period)
+    waves = () if found is None else (*_evidence(found, integrating), _searched(search))
     return Stiction(
         verdict=verdict,
         probability=probability,
-        evidence=(*_evidence(found, integrating), _searched(search)),
+        evidence=(*_answered(answers), *waves),
         S=None if search is None or search.S is None else 100 * search.S / op_span,
         J=None if search is None or search.J is None else 100 * search.J / op_span,
         apparent_size=None if size is None else 100 * size / op_span,
-        basis=_basis(stretch, swings, found, verdict, compressed, model),
+        basis=_basis(stretch, swings, answers, found, verdict, compressed),
     )
 
 
-def _nothing_to_judge(stretch: Stretch) -> Stiction:
+def _nothing_to_judge(stretch: Stretch, why: str) -> Stiction:
     return Stiction(
         verdict=StictionVerdict.UNDECIDED,
         probability=None,
@@ -75,38 +91,78 @@ def _nothing_to_judge(stretch: Stretch) -> Stiction:
         S=None,
         J=None,
         apparent_size=None,
-        basis=refusal(
-            "OP and PV do not move through three cycles of one period", share=stretch.share
-        ),
+        basis=refusal(why, share=stretch.share),
     )
+
+
+def _still(stretch: Stretch, op_span: float) -> Stiction:
+    """PV keeps one value while OP moves: a valve that does not move, or a frozen measurement."""
+    moved = float(np.ptp(stretch.op)) / op_span
+    enough = moved >= STILL_MOVE
+    note = f"PV kept one value while OP moved by {100 * moved:.2g} % of its range"
+    return Stiction(
+        verdict=StictionVerdict.UNDECIDED,
+        probability=STILL_PRIOR if enough else NOTHING_KNOWN,
+        evidence=(
+            StictionEvidence(
+                method="PV still while OP moves", value=1.0, note=note,
+                verdict=StictionVerdict.STICTION if enough else StictionVerdict.UNDECIDED,
+            ),
+        ),
+        S=None,
+        J=None,
+        apparent_size=None,
+        basis=Basis(
+            share=stretch.share,
+            confidence=Confidence.LOW,
+            reasons=(
+                note,
+                "a valve that does not move and a frozen measurement look alike here; "
+                "two to one for the valve is an assumption",
+            ),
+        ),
+    )  # fmt: skip
 
 
 def _basis(
     stretch: Stretch,
     swings: Oscillation,
-    found: StictionFeatures,
+    answers: ValveAnswers,
+    found: StictionFeatures | None,
     verdict: StictionVerdict,
     compressed: bool,
-    model: StictionModel,
 ) -> Basis:
     doubts = []
-    if not swings.oscillates:
+    if found is None or not swings.oscillates:
         doubts.append("there is no clear oscillation whose wave could be judged")
     if compressed:
         doubts.append("PV was compressed, which straightens waves")
-    if found.period < 12:
-        doubts.append(f"a cycle has only {found.period:.0f} samples")
-    if found.cycle.cycles < 6:
-        doubts.append(f"only {found.cycle.cycles} cycles are alike")
+    if found is not None and swings.oscillates:
+        if found.period < 12:
+            doubts.append(f"a cycle has only {found.period:.0f} samples")
+        if found.cycle.cycles < 6:
+            doubts.append(f"only {found.cycle.cycles} cycles are alike")
+    if answers.op_range < LEAST_MOVE:
+        doubts.append(
+            f"OP moved by only {100 * answers.op_range:.2g} % of its range: a sound valve's own "
+            "dead band may hold it"
+        )
     if verdict is StictionVerdict.UNDECIDED:
         doubts.append("the probability lies between the two limits")
+    model = answer_model()
     settings: tuple[Setting, ...] = (
-        ("period, s", found.period * stretch.dt),
-        ("cycles", float(found.cycle.cycles)),
+        ("block, s", answers.block * stretch.dt),
+        ("half swing of OP, s", answers.half_swing * stretch.dt),
         ("stiction from", model.stiction_from),
         ("none below", model.none_below),
-        ("fitted on", "simulated loops alone"),
+        ("fitted on", "simulated windows and loops alone"),
     )
+    if found is not None:
+        settings = (
+            ("period, s", found.period * stretch.dt),
+            ("cycles", float(found.cycle.cycles)),
+            *settings,
+        )
     grades = (Confidence.HIGH, Confidence.MEDIUM, Confidence.LOW)
     return Basis(
         share=stretch.share,
@@ -114,6 +170,32 @@ def _basis(
         reasons=tuple(doubts),
         settings=settings,
     )
+
+
+def _answered(answers: ValveAnswers) -> tuple[StictionEvidence, ...]:
+    """What PV's answers say alone; each convicts or acquits only beyond rare values."""
+    model = answer_model()
+    lost = answers.lost_motion >= model.lost_motion_from
+    answered = answers.correlation >= model.correlation_from
+    return (
+        StictionEvidence(
+            method="lost motion", value=answers.lost_motion,
+            verdict=StictionVerdict.STICTION if lost else StictionVerdict.UNDECIDED,
+            note=f"n log of what lost motion of {answers.width:.0%} of OP's range takes off the "
+            f"residual; beyond {model.lost_motion_from:.3g} it is rare in sound loops",
+        ),
+        StictionEvidence(
+            method="correlation of OP and PV", value=answers.correlation,
+            verdict=StictionVerdict.NONE if answered else StictionVerdict.UNDECIDED,
+            note=f"at the best lag; beyond {model.correlation_from:.3g} it is rare where a valve "
+            "sticks, low values prove nothing",
+        ),
+        StictionEvidence(
+            method="unanswered travel", value=answers.unanswered,
+            verdict=StictionVerdict.UNDECIDED,
+            note="part of OP's travel during which the error stayed; loads can do that too",
+        ),
+    )  # fmt: skip
 
 
 def _evidence(found: StictionFeatures, integrating: bool) -> tuple[StictionEvidence, ...]:

@@ -102,6 +102,9 @@ def test_a_frozen_sensor_is_named() -> None:
     pv[500:1500] = pv[500]
     found = assess(record(pv=pv))
     assert found.diagnosis.cause is Cause.SENSOR
+    assert Cause.VALVE in found.diagnosis.others
+    assert any("noise stopped too" in word for word in found.diagnosis.evidence)
+    assert any("put the loop in manual" in word for word in found.diagnosis.evidence)
 
 
 def test_an_uneven_record_is_put_on_a_grid_first() -> None:

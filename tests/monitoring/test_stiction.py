@@ -39,7 +39,7 @@ def test_the_probability_does_not_depend_on_the_units() -> None:
     assert first.S is not None
     assert other.S is not None
     assert abs(other.S / first.S - 1) < 1e-3
-    assert len(first.evidence) == 7
+    assert len(first.evidence) == 10
     assert "PV was compressed, which straightens waves" in other.basis.reasons
 
 
