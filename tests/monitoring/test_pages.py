@@ -9,7 +9,8 @@ METHODS = Path(__file__).parents[2] / "docs" / "methods"
 
 
 @pytest.mark.parametrize(
-    "page", ["achievable-variance", "diagnosis", "expected-response", "model-mismatch"]
+    "page",
+    ["achievable-variance", "diagnosis", "expected-response", "model-mismatch", "plant-wide"],
 )
 def test_the_code_of_a_page_runs(page: str) -> None:
     text = (METHODS / f"{page}.md").read_text(encoding="utf-8")
