@@ -12,6 +12,8 @@ from monitoring.known_loop import KnownLoop, lags
 
 MOST_SCANS = 1500
 FEWEST_SAMPLES = 10
+# A response that ends below this part of the move has not begun.
+UNANSWERED = 0.01
 
 
 class Expectation:
@@ -32,10 +34,11 @@ class Expectation:
         Model and settings make an unstable loop.
     """
 
-    def __init__(self, dt: float, known: KnownLoop, pid: PID) -> None:
+    def __init__(self, dt: float, known: KnownLoop, pid: PID, longest: float) -> None:
         self.dt, self.known, self.pid = dt, known, pid
         self.processes = _around(known)
-        horizon = _horizon(known.process, pid)
+        # What settles only beyond the record cannot be compared with it.
+        horizon = min(_horizon(known.process, pid), longest)
         usual = known.scan_time or min(dt, known.pace / 20 if known.pace else dt)
         self.scan = max(usual, horizon / MOST_SCANS)
         t = np.arange(int(horizon / dt) + 1) * dt
@@ -99,6 +102,8 @@ def _horizon(process: Process, pid: PID) -> float:
 
 
 def _last_outside(pv: Real, end: float) -> int:
-    """Samples until PV stays within 2 % of its end."""
+    """Samples until PV stays within 2 % of its end; all of them where it does not answer."""
+    if abs(end) < UNANSWERED:
+        return pv.size
     outside = np.flatnonzero(np.abs(pv - end) > 0.02 * abs(end))
     return int(outside[-1]) + 1 if outside.size else 0

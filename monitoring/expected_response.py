@@ -141,7 +141,7 @@ def expected_response(stretch: Stretch, moves: SetPointMoves, known: KnownLoop) 
     if stretch.sp is None or not moves.responses:
         return _nothing("no set-point move was left alone for long enough", stretch, settings)
     try:
-        band = Expectation(stretch.dt, known, pid)
+        band = Expectation(stretch.dt, known, pid, stretch.pv.size * stretch.dt)
     except LoopDiverged:
         return _nothing("model and settings make an unstable loop", stretch, settings)
     usual = _usual_spread(stretch, stretch.sp, band.settled, offset=not np.isfinite(pid.Ti))

@@ -176,6 +176,12 @@ def test_what_cannot_be_compared_says_why() -> None:
         assert found.as_expected is None
 
 
+def test_settings_that_settle_beyond_the_record_are_not_compared() -> None:
+    asleep = replace(SHEET, controller=PID(Kc=1e-6, Ti=900.0))
+    found = compared(recorded(), asleep)
+    assert found.basis.reasons == ("the set point moves on before responses have settled",)
+
+
 def test_one_move_alone_is_a_doubt() -> None:
     whole = recorded()
     assert whole.sp is not None
