@@ -22,7 +22,8 @@ SMALL_ERROR, SMALL_STEP = 0.01, 0.3
 # A step that would lower the sum of squares by under a tenth of the noise variance, or raises it by
 # as little, is under a third of a standard error and both ends are as good: the corner's samples
 # make the valley rough, and to follow them to its very bottom scatters estimates more, not less.
-FLAT = 0.1
+# Only so small a step, relative to tau, leaves the errors stated before it true after it.
+FLAT, STRAIGHT = 0.1, 0.02
 # Without noise the standard errors vanish; rounding then ends the iteration.
 ROUNDING = 1e-12
 MOST_STEPS = 60
@@ -234,7 +235,8 @@ def descend(problem: Problem, tau: float, theta: float, close: float) -> tuple[P
         enough = size * (size + 3 * error) <= SMALL_ERROR * least and size <= SMALL_STEP * least
         gain = float(point.gradient @ step)
         flat = FLAT * (point.sse - gain) / freedom
-        if enough or size <= max(close, ROUNDING) or (gain < flat and not damping):
+        rough = gain < flat and not damping and size < STRAIGHT
+        if enough or rough or size <= max(close, ROUNDING):
             break
         trial = evaluate(problem, *moved(problem, point, step))
         if trial.sse <= point.sse:
