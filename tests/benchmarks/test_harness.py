@@ -113,8 +113,8 @@ def test_an_unknown_benchmark_is_refused_with_the_choice(
     assert "choose from margins" in capsys.readouterr().err
 
 
-def test_all_benchmarks_together_end_within_half_an_hour() -> None:
-    assert sum(benchmark.seconds for benchmark in BENCHMARKS.values()) <= 30 * 60
+def test_all_benchmarks_together_end_within_forty_minutes() -> None:
+    assert sum(benchmark.seconds for benchmark in BENCHMARKS.values()) <= 40 * 60
 
 
 def test_one_benchmark_writes_its_section_where_it_is_told(
