@@ -6,16 +6,14 @@ from pathlib import Path
 
 import pytest
 from fastapi import FastAPI
-from fastapi.routing import APIRoute
 from fastapi.testclient import TestClient
 
 from service.actors import Actor, Role
 from service.app import create_app
 from service.database import Database
 from service.errors import NotAuthenticated, TooManyRequests
-from service.features import ROUTERS, UPLOADS
 from service.keys.actions import create_key, revoke_key
-from service.limits import HEAVY, HEAVY_IN_ALL, HEAVY_TO_THE_END, Allowance, Limits
+from service.limits import HEAVY_IN_ALL, Allowance, Limits
 from service.settings import Settings
 
 WRONG = "lw_000000000000_" + "A" * 43
@@ -191,33 +189,3 @@ def test_guessing_keys_ends_in_429_whether_or_not_the_next_guess_is_right(
     with sqlite_held.sessions.begin() as session:
         revoke_key(session, actor=Actor(owner="Bert", role=Role.ADMIN), key_id=found[1])
     assert [anna.get("/v1/loops").status_code for _ in range(2)] == [401, 429]
-
-
-def test_every_question_that_computes_is_limited() -> None:
-    routes = [
-        route for router in (*ROUTERS, *UPLOADS) for route in router.routes
-        if isinstance(route, APIRoute)
-    ]  # fmt: skip
-    limited = {
-        route.path
-        for route in routes
-        if any(found in (HEAVY, HEAVY_TO_THE_END) for found in route.dependencies)
-    }
-    asking = {
-        route.path
-        for route in routes
-        if route.openapi_extra is not None and route.openapi_extra.get("x-audit") == "none"
-    }
-    assert asking
-    assert asking <= limited
-    assert limited - asking == {
-        "/v1/assessments",
-        "/v1/audit/export",
-        "/v1/audit/verify",
-        "/v1/loops/{loop_id}/assessments",
-        "/v1/loops/{loop_id}/models",
-        "/v1/loops/{loop_id}/records",
-        "/v1/loops/{loop_id}/samples",
-        "/v1/loops/{loop_id}/sheets/{version}/effect",
-        "/v1/loops/{loop_id}/tunings",
-    }

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fastapi.routing import APIRoute
 from fastapi.testclient import TestClient
 from sqlalchemy import text
 from sqlalchemy.dialects import sqlite
@@ -16,6 +17,8 @@ from sqlalchemy.exc import DBAPIError, StatementError
 from service import openapi
 from service.app import create_app
 from service.database import Database
+from service.features import ROUTERS, UPLOADS
+from service.limits import HEAVY, HEAVY_TO_THE_END
 from service.loops.schemas import LoopBody, LoopChanges, NewLoop, ProfileName
 from service.migration import assert_ready, migrate
 from service.openapi import OPENAPI, openapi_text
@@ -330,3 +333,33 @@ def test_the_embedded_database_is_made_in_the_data_folder(tmp_path: Path) -> Non
     held.engine.dispose()
 
     assert (tmp_path / "new" / "folder" / "loopwright.sqlite").exists()
+
+
+def test_every_question_that_computes_is_limited() -> None:
+    routes = [
+        route for router in (*ROUTERS, *UPLOADS) for route in router.routes
+        if isinstance(route, APIRoute)
+    ]  # fmt: skip
+    limited = {
+        route.path
+        for route in routes
+        if any(found in (HEAVY, HEAVY_TO_THE_END) for found in route.dependencies)
+    }
+    asking = {
+        route.path
+        for route in routes
+        if route.openapi_extra is not None and route.openapi_extra.get("x-audit") == "none"
+    }
+    assert asking
+    assert asking <= limited
+    assert limited >= {
+        "/v1/assessments",
+        "/v1/audit/export",
+        "/v1/audit/verify",
+        "/v1/loops/{loop_id}/assessments",
+        "/v1/loops/{loop_id}/models",
+        "/v1/loops/{loop_id}/records",
+        "/v1/loops/{loop_id}/samples",
+        "/v1/loops/{loop_id}/sheets/{version}/effect",
+        "/v1/loops/{loop_id}/tunings",
+    }
