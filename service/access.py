@@ -25,16 +25,10 @@ ASKING = frozenset(
         "/v1/analysis/export",
         "/v1/analysis/interactions",
         "/v1/analysis/pole-regions",
-        "/v1/cascades",
         "/v1/conditioning",
-        "/v1/detunings",
-        "/v1/feed-forwards",
         "/v1/plans",
-        "/v1/schedules",
         "/v1/plantwide",
         "/v1/simulations",
-        "/v1/smith-predictors",
-        "/v1/smooth-tunings",
     }
 )
 

@@ -131,7 +131,7 @@ COMMANDS = (
     Entry(
         "plan",
         "service.cli.plan:plan",
-        "Plan a step test or a relay test: moves, duration, expected errors, limits.",
+        "Plan a test by steps, by pulses (of an integrator) or by relay: moves, errors, limits.",
     ),
     Entry(
         "demo",

@@ -1,9 +1,9 @@
-"""HTTP routes of beyond one loop."""
+"""HTTP routes of feed-forward."""
 
 from fastapi import APIRouter
 
 from advice.body import Body
-from service.access import Viewer
+from service.access import Engineer
 from service.audit import declares
 from service.feed_forwards import actions
 from service.feed_forwards.schemas import FeedForwardBody, FeedLoadForward
@@ -18,6 +18,6 @@ router = APIRouter(prefix="/v1", tags=["beyond one loop"])
     openapi_extra=declares(None),
     dependencies=[HEAVY],
 )
-def feed_load_forward(body: FeedLoadForward, _: Viewer) -> Body:
+def feed_load_forward(body: FeedLoadForward, _: Engineer) -> Body:
     """Work out the feed-forward of a measured load, and what it leaves; nothing is stored."""
     return actions.feed_load_forward(body)

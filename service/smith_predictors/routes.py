@@ -1,9 +1,9 @@
-"""HTTP routes of beyond one loop."""
+"""HTTP routes of Smith predictors."""
 
 from fastapi import APIRouter
 
 from advice.body import Body
-from service.access import Viewer
+from service.access import Engineer
 from service.audit import declares
 from service.limits import HEAVY
 from service.smith_predictors import actions
@@ -18,6 +18,6 @@ router = APIRouter(prefix="/v1", tags=["beyond one loop"])
     openapi_extra=declares(None),
     dependencies=[HEAVY],
 )
-def predict(body: PredictLoop, _: Viewer) -> Body:
+def predict(body: PredictLoop, _: Engineer) -> Body:
     """Tune a Smith predictor and sweep the errors of its model; nothing is stored."""
     return actions.predict(body)

@@ -205,7 +205,18 @@ def test_every_question_that_keeps_nothing_is_a_viewers_too(anonymous: TestClien
     }
 
     # New settings, and models of a loop, are an engineer's to ask for.
-    engineers = {"/v1/tunings", "/v1/tunings/batch", "/v1/loops/{loop_id}/frequency-responses"}
+    engineers = {
+        "/v1/cascades",
+        "/v1/detunings",
+        "/v1/feed-forwards",
+        "/v1/loops/{loop_id}/frequency-responses",
+        "/v1/loops/{loop_id}/repeats",
+        "/v1/schedules",
+        "/v1/smith-predictors",
+        "/v1/smooth-tunings",
+        "/v1/tunings",
+        "/v1/tunings/batch",
+    }
     assert kept_nothing == ASKING | engineers
 
 
