@@ -72,7 +72,7 @@ def frequency_response() -> Figure:
     op = 40 + 5 * np.sum(waves, axis=0) / np.max(np.abs(np.sum(waves, axis=0)))
     process = FOPDT(K=2.0, tau=20.0, theta=5.0)
     pv = process_output(process, t, op, pv0=80.0)
-    pv += np.random.default_rng(0).normal(0.0, 0.2, t.size)
+    pv += np.random.default_rng(0).normal(0.0, 1.0, t.size)
     found = measured(Record(t=t, pv=pv, op=op))
     size, phase = np.abs(found.G), np.degrees(np.unwrap(np.angle(found.G)))
     part = 1.96 * found.sd / size / 2**0.5
