@@ -27,7 +27,7 @@ OWN_PAST, OP_PAST = 6, 3
 # An error is seen beyond so many standard deviations of noise, and has stayed where this part of
 # it is still there.
 SEEN, STAYED = 3.0, 0.6
-FEWEST_SAMPLES = 60
+FEWEST_SAMPLES = 100
 # A sound valve has a dead band too: OP that moves by less than this part of its range proves
 # nothing.
 LEAST_MOVE = 5e-3
@@ -119,7 +119,7 @@ def valve_answers(
     Returns
     -------
     ValveAnswers or None
-        None for fewer than 60 samples, or where OP or PV does not move at all.
+        None for fewer than 100 samples, or where OP or PV does not move at all.
     """
     if op.size < FEWEST_SAMPLES or not (np.ptp(op) > 0 and np.ptp(pv) > 0):
         return None

@@ -92,7 +92,7 @@ def test_a_pv_that_stands_still_may_be_the_valve_or_the_measurement() -> None:
     short = Stretch(first=0, dt=1.0, pv=np.arange(40.0), op=np.arange(40.0), sp=None, share=1.0)
     refused = stiction(short, oscillation(short.error, 1.0))
     assert refused.probability is None
-    assert refused.basis.reasons == ("fewer than 60 samples",)
+    assert refused.basis.reasons == ("fewer than 100 samples",)
 
 
 def test_the_joint_weights_trust_both_words() -> None:
