@@ -21,7 +21,7 @@ from loop.signals import Real
 SMALL_ERROR, SMALL_STEP = 0.01, 0.3
 # A step that would lower the sum of squares by under a tenth of the noise variance, or raises it by
 # as little, is under a third of a standard error and both ends are as good: the corner's samples
-# make the valley rough, and to follow them to its very bottom scatters estimates more, not less.
+# make the valley rough, and to follow them to its very bottom makes no estimate better.
 # Only so small a step, relative to tau, leaves the errors stated before it true after it.
 FLAT, STRAIGHT = 0.1, 0.02
 # Without noise the standard errors vanish; rounding then ends the iteration.
