@@ -195,7 +195,7 @@ def _delay_alone(
     lagged: list["_Row"], samples: Samples, fit: LeastSquaresFit, spacing: float
 ) -> list["_Row"]:
     """A gain with dead time, where the better of the fits with one and two lags hardly has any."""
-    best = min(lagged, key=lambda row: row.squares)
+    best = min(lagged, key=lambda row: row.fit.sse)
     lags = slice(1, best.values.size - 1)
     lag, theta = float(best.values[lags].sum()), float(best.values[-1])
     error = float(best.covariance[lags, lags].sum()) ** 0.5
@@ -225,11 +225,6 @@ class _Row:
     free: int
     residual: Real
     colour: Colour
-
-    @property
-    def squares(self) -> float:
-        """Sum of squares, of a jump as it is: a last step to no lag errs there. [PV^2]"""
-        return max(float(self.fit.sse), float(self.residual @ self.residual))
 
     @classmethod
     def of_first_order(cls, explanation: Explanation, samples: Samples) -> "_Row":
@@ -281,7 +276,7 @@ def _candidates(
     floor = readings * (ROUNDING * float(np.ptp(samples.pv))) ** 2
 
     def criterion(row: _Row) -> float:
-        sse = max(row.squares, floor)
+        sse = max(row.fit.sse, floor)
         return independent * math.log(sse / readings) + row.free * math.log(independent)
 
     reference = criterion(rows[0])

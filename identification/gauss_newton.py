@@ -251,6 +251,26 @@ def descend(problem: Problem, tau: float, theta: float, close: float) -> tuple[P
     return point, step
 
 
+def descend_to_the_end(problem: Problem, tau: float, theta: float) -> Point:
+    """Descend to the bottom, the small last step included where it lowers the sum of squares.
+
+    Where the normal equations are singular, as at a jump between two samples, a step can be
+    anything; only a point that was evaluated is an answer.
+
+    Parameters
+    ----------
+    problem : Problem
+        What to fit.
+    tau, theta : float
+        Start. [s]
+    """
+    point, step = descend(problem, tau, theta, 0.0)
+    if not step.any():
+        return point
+    last = evaluate(problem, *moved(problem, point, step))
+    return last if last.sse <= point.sse else point
+
+
 def _step(
     problem: Problem, point: Point, damping: float, freedom: int
 ) -> tuple[Real, tuple[float, float]]:

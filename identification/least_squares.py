@@ -22,7 +22,7 @@ from itertools import pairwise
 import numpy as np
 
 from identification.condense import Samples, condense
-from identification.gauss_newton import Bounds, Point, Problem, descend, inverse, moved
+from identification.gauss_newton import Bounds, Problem, descend, descend_to_the_end, inverse
 from identification.grid_search import search
 from identification.held_input import HeldInput, lag_response
 from loop.errors import PoorExcitation
@@ -216,12 +216,12 @@ def fopdt_least_squares(
             found = [(best.tau, best.theta)]
         begin = found[0]
     if few.t.size == t.size or t.size > FEW:
-        fit = _result(averaged, *descend(averaged, *begin, 0.0), t.size, few.scatter)
+        fit = _result(averaged, begin, t.size, few.scatter)
         if few.t.size == t.size or _averages_do(fit, few):
             return fit
         begin = (fit.tau, fit.theta)
     whole = problem(Samples(t=t, pv=pv, weight=weight))
-    return _result(whole, *descend(whole, *begin, 0.0), t.size, 0.0)
+    return _result(whole, begin, t.size, 0.0)
 
 
 def _averages_do(fit: LeastSquaresFit, few: Samples) -> bool:
@@ -250,33 +250,34 @@ def _averages_do(fit: LeastSquaresFit, few: Samples) -> bool:
 
 
 def _result(
-    problem: Problem, point: Point, step: Real, readings: int, scatter: float
+    problem: Problem, begin: tuple[float, float], readings: int, scatter: float
 ) -> LeastSquaresFit:
-    """Take the small last step in all parameters and state the errors.
+    """Descend from a start to the bottom and state the errors there.
 
     Of averages, `scatter` is the sum of squares of the readings about them, of which the model's
     own movement explains a part.
     """
-    tau, theta = moved(problem, point, step)
-    linear = point.linear + step[:-2]
+    point = descend_to_the_end(problem, *begin)
+    tau, linear = point.tau, point.linear
     K, drift = float(linear[0]), float(linear[2]) if problem.drift else 0.0
-    sse = point.sse - float(point.gradient @ step) + scatter
+    sse = point.sse + scatter
     if problem.spread is not None and problem.weight is not None:
         slope = drift - K * np.concatenate(point.slopes)
         if problem.start:
             slope -= linear[-1] / tau * np.exp(-(problem.t - problem.t0) / tau)
         sse -= float((problem.weight * problem.spread) @ slope**2)
     sse = max(sse, 0.0)
-    freedom = readings - step.size
+    size = len(point.normal)
+    freedom = readings - size
     # K, tau, theta, pv0, drift, start
-    order = np.array([0, step.size - 2, step.size - 1, *range(1, step.size - 2)])
+    order = np.array([0, size - 2, size - 1, *range(1, size - 2)])
     covariance = inverse(point.normal)[order[:, None], order] * (sse / freedom)
     covariance[1] *= tau
     covariance[:, 1] *= tau
     return LeastSquaresFit(
         K=K,
         tau=tau,
-        theta=theta,
+        theta=point.theta,
         pv0=float(linear[1]) + problem.pv_first,
         drift=drift,
         start=float(linear[-1]) if problem.start else 0.0,

@@ -278,3 +278,20 @@ def test_a_move_at_the_very_last_sample_does_no_harm() -> None:
     fit = fopdt_least_squares(t, 2 * x, held)
     assert fit.theta == pytest.approx(20.0, rel=1e-4)
     assert condense(t, x, moves, at_most=1000).weight is not None
+
+
+@pytest.mark.parametrize(
+    ("n", "spacing", "theta", "noise"), [(200, 1.0, 5.0, 0.05), (400, 2.0, 7.3, 0.0)]
+)
+def test_the_sum_of_squares_is_that_of_the_model_even_at_a_jump(
+    n: int, spacing: float, theta: float, noise: float
+) -> None:
+    """A step from a singular matrix once ended the fit unseen, 0 s beside the sum of 5 s."""
+    t = np.arange(n) * spacing
+    held = step_at(n // 4 * spacing)
+    pv = 20 + np.where(t >= held.instants[0] + theta, 20.0, 0.0)
+    pv += np.random.default_rng(0).normal(0, noise, t.size)
+    fit = fopdt_least_squares(t, pv, held)
+    left = pv - fit.predict(t)
+    assert fit.sse == pytest.approx(float(left @ left), rel=1e-6, abs=1e-9)
+    assert theta - spacing < fit.theta < theta + spacing
