@@ -200,7 +200,7 @@ def tune_process(
     Raises
     ------
     RuleNotApplicable
-        The process is unstable, oscillates or has complex zeros: no published rule covers it.
+        The process is unstable, has complex zeros, or oscillates and is of an order above two.
     ValueError
         The profile, tau_c or the scan time cannot be.
     """

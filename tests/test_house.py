@@ -37,6 +37,12 @@ def test_every_engineering_fact_has_a_problem_page() -> None:
             assert renamed.get(slug, slug) in pages, name
 
 
+def test_the_index_of_the_methods_lists_every_page_once() -> None:
+    folder = ROOT / "docs" / "methods"
+    listed = re.findall(r"\]\(([\w-]+\.md)\)", (folder / "README.md").read_text("utf-8"))
+    assert sorted(listed) == sorted({page.name for page in folder.glob("*.md")} - {"README.md"})
+
+
 def test_no_address_of_a_registry_and_no_path_of_a_machine_is_committed() -> None:
     wanted = re.compile(r"https?://[^ \"]*/simple\b|--(extra-)?index-url|/(home|root|work)/\w")
     for file in [*SOURCES, *ROOT.glob("requirements/*.txt"), *ROOT.glob("*.md"), ROOT / "Makefile"]:
