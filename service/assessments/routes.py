@@ -121,7 +121,7 @@ def assess_loop(
     return _body(kept)
 
 
-@router.get("/loops/{loop_id}/effect")
+@router.get("/loops/{loop_id}/effect", dependencies=[HEAVY])
 def compare_periods(
     loop_id: UUID,
     _: Viewer,

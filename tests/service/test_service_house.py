@@ -357,6 +357,7 @@ def test_every_question_that_computes_is_limited() -> None:
         "/v1/audit/export",
         "/v1/audit/verify",
         "/v1/loops/{loop_id}/assessments",
+        "/v1/loops/{loop_id}/effect",
         "/v1/loops/{loop_id}/models",
         "/v1/loops/{loop_id}/records",
         "/v1/loops/{loop_id}/samples",
