@@ -30,11 +30,12 @@ from loop.process import (
     gain_sign,
 )
 from loop.record import Record
+from loop.swing import swing_of
 from tuning.answer import Tuning, Tunings, tunings
 from tuning.full_process import FullProcess, on_full_process, simplest
 from tuning.profiles import DEFAULT_PROFILE, Profile, profile_named
 from tuning.proposals import tune_from_ultimate
-from tuning.swinging import swing_of, verify_swing
+from tuning.swinging import verify_swing
 from tuning.ultimate import UltimatePoint
 from tuning.verification import Verification, verify
 

@@ -4,6 +4,7 @@ A batch broadcasts like its arrays: a controller of shape () against processes o
 makes 33 loops. The limits on each number are those of the scalar models.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Self, TypeAlias
 
@@ -228,6 +229,18 @@ class PIDBatch:
             tauF=np.asarray(pid.tauF),
             sign=np.asarray(pid.action.sign),
         )
+
+    @classmethod
+    def stacked(cls, pids: Sequence[PID]) -> Self:
+        """Hold n controllers as a batch of shape (n, 1), to be met with plants of shape (p,).
+
+        Parameters
+        ----------
+        pids : sequence of PID
+            Controllers' settings.
+        """
+        rows = [(p.Kc, p.Ti, p.Td, p.N, p.tauF, p.action.sign) for p in pids]
+        return cls(*np.array(rows, dtype=float).T[:, :, None])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

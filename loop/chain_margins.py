@@ -81,14 +81,7 @@ def _loops(chain: LagChain, controllers: tuple[PID, ...], sample_time: float) ->
         integrators=np.asarray(chain.integrators),
         theta=np.asarray(chain.theta),
     )
-    batch = PIDBatch(
-        Kc=np.array([c.Kc for c in controllers]),
-        Ti=np.array([c.Ti for c in controllers]),
-        Td=np.array([c.Td for c in controllers]),
-        N=np.array([c.N for c in controllers]),
-        tauF=np.array([c.tauF for c in controllers]),
-        sign=np.array([c.action.sign for c in controllers]),
-    )
+    batch = PIDBatch.stacked(controllers)
     loops = LagLoops.of(gain, batch, np.asarray(sample_time / 2), batch.shape)
     same = np.ones(loops.size)
     return replace(

@@ -1,8 +1,8 @@
-"""Open loops of PID controllers around lags and integrators, many at once.
+"""Open loops of PID controllers around lags, integrators and swings, many at once.
 
-L(jw) = sign k (1 + b s + c s^2) prod(T0 s + 1) e^(-theta s) / (s^order prod(T s + 1)): magnitude,
-unwrapped phase and their slopes in closed form, free of overflow over the whole range of legal
-parameters.
+L(jw) = sign k (1 + b s + c s^2) prod(T0 s + 1) e^(-theta s)
+/ (s^order prod(T s + 1) prod(1 + b1 s + c1 s^2)): magnitude, unwrapped phase and their slopes in
+closed form, free of overflow over the whole range of legal parameters.
 """
 
 import math
@@ -37,6 +37,8 @@ class LagLoops:
         Dead time. [s]
     leads : tuple of ndarray of float
         Numerator time constants T0 of the process, negative for zeros in the right half-plane. [s]
+    swings : tuple of two ndarray of float each
+        Pairs of complex poles of the process, b1 and c1 of 1 + b1 s + c1 s^2, positive. [s, s^2]
     """
 
     sign: Real
@@ -47,6 +49,7 @@ class LagLoops:
     lags: tuple[Real, ...]
     theta: Real
     leads: tuple[Real, ...] = ()
+    swings: tuple[tuple[Real, Real], ...] = ()
 
     @classmethod
     def of(
@@ -112,6 +115,7 @@ class LagLoops:
             lags=tuple(T[rows] for T in self.lags),
             theta=self.theta[rows],
             leads=tuple(T[rows] for T in self.leads),
+            swings=tuple((b[rows], c[rows]) for b, c in self.swings),
         )
 
     def columns(self) -> Self:
@@ -127,7 +131,8 @@ class LagLoops:
     @property
     def excess(self) -> Real:
         """Number of poles above the number of zeros. [-]"""
-        return np.asarray(self.order + sum(1.0 * (T > 0) for T in self.lags) - self.zeros)
+        lags = sum(1.0 * (T > 0) for T in self.lags)
+        return np.asarray(self.order + lags + 2 * len(self.swings) - self.zeros)
 
     @property
     def log_k_high(self) -> Real:
@@ -135,16 +140,19 @@ class LagLoops:
         lead = np.where(self.c > 0, self.c, np.where(self.b > 0, self.b, 1.0))
         lags = sum((np.log(np.where(T > 0, T, 1.0)) for T in self.lags), np.zeros_like(lead))
         leads = sum((np.log(np.abs(T)) for T in self.leads), np.zeros_like(lead))
-        return np.asarray(self.log_k + np.log(lead) + leads - lags)
+        swings = sum((np.log(c) for _, c in self.swings), np.zeros_like(lead))
+        return np.asarray(self.log_k + np.log(lead) + leads - lags - swings)
 
     def log_gain(self, w: Real) -> Real:
         """Logarithm of |L(jw)|. [-]"""
         x = w * w
-        total = 2 * (self.log_k - self.order * np.log(w)) + np.log(self._zeros_square(x))
+        total = 2 * (self.log_k - self.order * np.log(w)) + np.log(_square(self.b, self.c, x))
         for T in self.lags:
             total = total - np.log1p(T * T * x)
         for T in self.leads:
             total = total + np.log1p(T * T * x)
+        for b, c in self.swings:
+            total = total - np.log(_square(b, c, x))
         return np.asarray(0.5 * total)
 
     def phase(self, w: Real) -> Real:
@@ -154,33 +162,44 @@ class LagLoops:
             turn = turn - np.arctan(T * w)
         for T in self.leads:
             turn = turn + np.arctan(T * w)
+        for b, c in self.swings:
+            turn = turn - np.arctan2(b * w, 1 - c * w * w)
         return np.asarray(turn + (0.5 * math.pi) * (self.sign - 1 - self.order))
 
     def gain_slope(self, w: Real) -> Real:
         """Return d ln|L| / d ln w. [-]"""
         x = w * w
-        cx = self.c * x
-        bent = (self.b * self.b - 2 * self.c) * x
-        slope = (bent + 2 * cx * cx) / self._zeros_square(x) - self.order
+        slope = _square_slope(self.b, self.c, x) - self.order
         for T in self.lags:
             bend = T * T * x
             slope = slope - bend / (1 + bend)
         for T in self.leads:
             bend = T * T * x
             slope = slope + bend / (1 + bend)
+        for b, c in self.swings:
+            slope = slope - _square_slope(b, c, x)
         return np.asarray(slope)
 
     def phase_slope(self, w: Real) -> Real:
         """Return d arg L / d ln w. [rad]"""
         x = w * w
-        slope = self.b * (1 + self.c * x) / self._zeros_square(x) - self.theta
+        slope = self.b * (1 + self.c * x) / _square(self.b, self.c, x) - self.theta
         for T in self.lags:
             slope = slope - T / (1 + T * T * x)
         for T in self.leads:
             slope = slope + T / (1 + T * T * x)
+        for b, c in self.swings:
+            slope = slope - b * (1 + c * x) / _square(b, c, x)
         return np.asarray(slope * w)
 
-    def _zeros_square(self, x: Real) -> Real:
-        """|1 + b s + c s^2|^2 on the imaginary axis."""
-        level = 1 - self.c * x
-        return np.maximum(level * level + self.b * self.b * x, 1e-300)
+
+def _square(b: Real, c: Real, x: Real) -> Real:
+    """|1 + b s + c s^2|^2 on the imaginary axis, x = w^2."""
+    level = 1 - c * x
+    return np.maximum(level * level + b * b * x, 1e-300)
+
+
+def _square_slope(b: Real, c: Real, x: Real) -> Real:
+    """D ln|1 + b s + c s^2| / d ln w."""
+    cx = c * x
+    return np.asarray(((b * b - 2 * c) * x + 2 * cx * cx) / _square(b, c, x))

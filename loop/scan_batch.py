@@ -115,11 +115,12 @@ def _keep(
 
 
 def _start(loops: LagLoops) -> _Axis:
-    """Even points in ln w from asymptote to asymptote, and more about a notch of the controller."""
+    """Even points in ln w from asymptote to asymptote, and more about a notch or a resonance."""
     with np.errstate(divide="ignore"):
         corners: list[Real] = [1 / T for T in (*loops.lags, loops.theta, loops.b, np.sqrt(loops.c))]
         corners.append(np.where(loops.c > 0, loops.b, math.inf) / np.where(loops.c, loops.c, 1.0))
         corners += [1 / np.abs(T) for T in loops.leads]
+        corners += [1 / np.sqrt(c) for _, c in loops.swings]
         corners.append(_asymptote(loops.log_k, loops.order))
         corners.append(_asymptote(loops.log_k_high, loops.excess))
     table = np.stack(corners)
@@ -129,13 +130,15 @@ def _start(loops: LagLoops) -> _Axis:
     decades = float(np.max(high - low, initial=0.0)) / math.log(10)
     part = np.linspace(0.0, 1.0, 2 + math.ceil(decades * POINTS_A_DECADE))
     w = np.exp(low[:, None] + (high - low)[:, None] * part)
-    width, height = loops.b, 2 * np.sqrt(loops.c)
-    notch = np.flatnonzero(width < 0.7 * height)
     axis = _Axis(w, np.zeros(w.shape, dtype=bool))
-    if notch.size:
+    for width, square in ((loops.b, loops.c), *loops.swings):
+        height = 2 * np.sqrt(square)
+        notch = np.flatnonzero(width < 0.7 * height)
+        if not notch.size:
+            continue
         ratio = (0.25 * width[notch] / height[notch])[:, None]
         offsets = ratio * (0.9 / ratio) ** np.linspace(0.0, 1.0, 40)
-        centre = 1 / np.sqrt(loops.c[notch, None])
+        centre = 1 / np.sqrt(square[notch, None])
         near = np.concatenate([centre * (1 - offsets), centre * (1 + offsets)], axis=1)
         rows = np.repeat(notch, near.shape[1])
         axis = axis.with_points(_Points(rows, near.ravel()), cut=False)

@@ -6,6 +6,7 @@ from loop.controller import PID
 from loop.errors import RuleNotApplicable
 from loop.half_rule import Reduction
 from loop.process import Process
+from loop.swing import Swing, swing_of
 from tuning.catalogue import RULES
 from tuning.full_process import (
     FullProcess,
@@ -22,7 +23,7 @@ from tuning.proposals import Proposal, tune_all
 from tuning.ranking import Recommendation, recommend
 from tuning.robust import robust_tau_c
 from tuning.rule import check_tau_c
-from tuning.swinging import Swing, swing_of, tune_swing
+from tuning.swinging import tune_swing
 from tuning.verification import Verification, verify_many
 
 

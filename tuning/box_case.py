@@ -16,6 +16,7 @@ from loop.margin_batch import batch_margins
 from loop.margins import Margins, margins
 from loop.process import LARGEST, Process, TransferFunction
 from loop.signals import Real
+from loop.swing import swing_margins, swings_of
 from tuning.box_bounds import MARGINS, TURN, least_angle
 from tuning.box_search import Search
 from tuning.profiles import Profile
@@ -129,16 +130,22 @@ class BoxCase:
             return plant, UNSTABLE
 
     def all_judged(self, plants: list[Process]) -> Tried:
-        """Judge many plants, in one batch where the process is lags and integrators."""
-        if isinstance(self.process, TransferFunction) or not plants:
+        """Judge many plants, in one batch where the process is lags and integrators or a swing."""
+        if not plants:
+            return []
+        swings, controller = swings_of(plants), PIDBatch.of(self.controller)
+        if swings is not None:
+            found = swing_margins(swings, controller, sample_time=self.sample_time)
+        elif isinstance(self.process, TransferFunction):
             return [self.judged(plant) for plant in plants]
-        rows = [
-            ProcessBatch.of(plant) for plant in plants if not isinstance(plant, TransferFunction)
-        ]
-        columns = (np.array([getattr(row, f.name) for row in rows]) for f in fields(ProcessBatch))
-        found = batch_margins(
-            ProcessBatch(*columns), PIDBatch.of(self.controller), sample_time=self.sample_time
-        )
+        else:
+            rows = [
+                ProcessBatch.of(plant)
+                for plant in plants
+                if not isinstance(plant, TransferFunction)
+            ]
+            columns = (np.array([getattr(r, f.name) for r in rows]) for f in fields(ProcessBatch))
+            found = batch_margins(ProcessBatch(*columns), controller, sample_time=self.sample_time)
         table = [getattr(found, f.name).tolist() for f in fields(Margins)]
         return [
             (plant, Margins(**dict(zip(NAMES, row, strict=True))) if stable else UNSTABLE)

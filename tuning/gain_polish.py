@@ -13,6 +13,7 @@ from loop.margins import Margins, margins
 from loop.process import Process, TransferFunction
 from loop.response import control_sensitivity, frequency_grid
 from loop.signals import Flags, Real
+from loop.swing import swing_margins, swings_of
 from tuning.loop_limits import LoopLimits
 
 # Gains looked at around a first guess, and how often the last stretch is divided.
@@ -75,19 +76,21 @@ class Judge:
     def holds(self, pid: PID, gains: Real) -> Flags:
         """Whether margins hold for each gain and plant, shape (n, p)."""
         theta = np.array([plant.theta for plant in self.plants])
-        if any(isinstance(plant, TransferFunction) for plant in self.plants):
+        swings = swings_of(self.plants)
+        if swings is None and any(isinstance(plant, TransferFunction) for plant in self.plants):
             rows = [[self._one(plant, pid, float(Kc)) for plant in self.plants] for Kc in gains]
             return np.array(rows)
-        found = batch_margins(
-            stacked(self.plants),
-            PIDBatch(
-                Kc=gains[:, None],
-                Ti=np.asarray(pid.Ti),
-                Td=np.asarray(pid.Td),
-                N=np.asarray(pid.N),
-                sign=np.asarray(pid.action.sign),
-            ),
-            sample_time=self.sample_time,
+        controllers = PIDBatch(
+            Kc=gains[:, None],
+            Ti=np.asarray(pid.Ti),
+            Td=np.asarray(pid.Td),
+            N=np.asarray(pid.N),
+            sign=np.asarray(pid.action.sign),
+        )
+        found = (
+            batch_margins(stacked(self.plants), controllers, sample_time=self.sample_time)
+            if swings is None
+            else swing_margins(swings, controllers, sample_time=self.sample_time)
         )
         limits = self.limits
         return np.asarray(

@@ -5,17 +5,14 @@ and dead time at once, on the process with half its damping; their margins are t
 process itself and with each parameter, its damping too, off by up to ±50 %.
 """
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from loop.batch import MarginBatch, ProcessBatch
-from loop.chain_margins import full_margins
+from loop.batch import PIDBatch, ProcessBatch
 from loop.controller import PID
 from loop.errors import RuleNotApplicable
-from loop.process import Process, TransferFunction
-from loop.signals import Real
+from loop.swing import Swing, swing_margins
 from tuning.catalogue import RULES
 from tuning.least_area import NAME
 from tuning.loop_limits import LoopLimits
@@ -32,55 +29,7 @@ STRUCTURES: tuple[Structure, ...] = ("PI", "PID")
 PARAMETERS = ("K", "T", "zeta", "theta")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Swing:
-    """K e^(-theta s)/(T^2 s^2 + 2 zeta T s + 1) with zeta below 1.
-
-    Attributes
-    ----------
-    K : float
-        Gain. [PV/OP]
-    T : float
-        Time constant. [s]
-    zeta : float
-        Damping. [-]
-    theta : float
-        Dead time. [s]
-    """
-
-    K: float
-    T: float
-    zeta: float
-    theta: float
-
-    def moved(
-        self, K: float = 1.0, T: float = 1.0, zeta: float = 1.0, theta: float = 1.0
-    ) -> Process:
-        """Multiply the parameters by factors."""
-        time, damping = self.T * T, self.zeta * zeta
-        return TransferFunction(
-            (self.K * K,), (time**2, 2 * damping * time, 1.0), self.theta * theta
-        )
-
-
-def swing_of(process: Process) -> Swing | None:
-    """Read a process as one swing; None where it is another.
-
-    Parameters
-    ----------
-    process : Process
-        Process model. [s]
-    """
-    match process:
-        case TransferFunction(numerator=(n,), denominator=(d2, d1, d0)) if d0 and d2 / d0 > 0:
-            T = (d2 / d0) ** 0.5
-            zeta = d1 / d0 / (2 * T)
-            return Swing(K=n / d0, T=T, zeta=zeta, theta=process.theta) if 0 < zeta < 1 else None
-        case _:
-            return None
-
-
-def swing_sweep(swing: Swing) -> tuple[Sweep, list[Process]]:
+def swing_sweep(swing: Swing) -> tuple[Sweep, list[Swing]]:
     """Lay out the plants around a swinging model: one parameter off at a time, and joint corners.
 
     Parameters
@@ -97,7 +46,7 @@ def swing_sweep(swing: Swing) -> tuple[Sweep, list[Process]]:
         rows.append(single)
     rows.append(np.array(list(product(CORNERS, repeat=p))))
     table = np.vstack(rows)
-    plants = [swing.moved(**dict(zip(names, row.tolist(), strict=True))) for row in table]
+    plants = [swing.scaled(**dict(zip(names, row.tolist(), strict=True))) for row in table]
     off = [
         [(name, float(f)) for name, f in zip(names, row, strict=True) if f != 1] for row in table
     ]
@@ -139,20 +88,8 @@ def verify_swing(
     if not controllers:
         return ()
     sweep, plants = swing_sweep(swing)
-    found = [full_margins(plant, tuple(controllers), sample_time=sample_time) for plant in plants]
-
-    def together(name: str) -> Real:
-        return np.stack([getattr(one, name) for one in found], axis=1)
-
-    batch = MarginBatch(
-        stable=np.stack([one.stable for one in found], axis=1),
-        gain=together("gain"),
-        gain_reduction=together("gain_reduction"),
-        phase=together("phase"),
-        delay=together("delay"),
-        Ms=together("Ms"),
-        Mt=together("Mt"),
-    )
+    rows = PIDBatch.stacked(controllers)
+    batch = swing_margins(plants, rows, sample_time=sample_time)
     return judged(sweep, batch, profile)
 
 
@@ -190,10 +127,11 @@ def tune_swing(
         for rule in RULES.values()
         for structure in rule.structures
     ]
-    lighter = swing.moved(zeta=LIGHTER)
+    lighter = swing.scaled(zeta=LIGHTER).process
+    found: list[Proposal] = []
     for structure in STRUCTURES:
         try:
-            found = optimal_over_box(
+            best = optimal_over_box(
                 lighter, LoopLimits.of(profile), structure=structure, sample_time=sample_time
             )
         except RuleNotApplicable as refusal:
@@ -202,15 +140,21 @@ def tune_swing(
             )
             answered.append((proposal, None))
             continue
-        pid = found.settings.pid
-        proven = "proven" if found.verdict.holds else "not proven"
+        proven = "proven" if best.verdict.holds else "not proven"
         note = (
             f"the profile is {proven} over ±50 % of gain, times and dead time at once with a "
             f"damping of {LIGHTER * swing.zeta:.2g}, half that of the model"
         )
-        proposal = Proposal(
-            rule=NAME, structure=structure, pid=pid, status="confirmed", notes=(note,)
+        found.append(
+            Proposal(
+                rule=NAME,
+                structure=structure,
+                pid=best.settings.pid,
+                status="confirmed",
+                notes=(note,),
+            )
         )
-        (verified,) = verify_swing(swing, [pid], profile, sample_time=sample_time)
-        answered.append((proposal, verified))
-    return answered
+    # All of them in one batch, whose scan costs little more for two controllers than for one.
+    settings = [proposal.pid for proposal in found if proposal.pid is not None]
+    verified = verify_swing(swing, settings, profile, sample_time=sample_time)
+    return [*answered, *zip(found, verified, strict=True)]

@@ -14,8 +14,9 @@ from loop.margins import margins
 from loop.open_loop import process_output
 from loop.process import FOPDT, Process, TransferFunction
 from loop.record import Record
+from loop.swing import swing_of
 from tuning.profiles import PROFILES
-from tuning.swinging import swing_of, swing_sweep, verify_swing
+from tuning.swinging import swing_sweep, verify_swing
 
 GENERAL = PROFILES["general"]
 
@@ -28,7 +29,7 @@ def test_a_swing_is_read_from_its_transfer_function_alone() -> None:
     swing = swing_of(TransferFunction((4.0,), (200.0, 12.0, 2.0), 5.0))
     assert swing is not None
     assert (swing.K, swing.T, swing.zeta, swing.theta) == pytest.approx((2.0, 10.0, 0.3, 5.0))
-    assert swing.moved() == swinging(0.3)
+    assert swing.process == swinging(0.3)
     for other in (
         FOPDT(K=2.0, tau=10.0, theta=5.0),
         TransferFunction((2.0,), (100.0, 25.0, 1.0), 5.0),  # two real lags
@@ -48,7 +49,7 @@ def test_the_verdict_rests_on_margins_at_every_plant_of_the_sweep() -> None:
     peaks = []
     for plant in plants[: 1 + 4 * 11]:
         try:
-            peaks.append(margins(plant, pid).Ms)
+            peaks.append(margins(plant.process, pid).Ms)
         except UnstableLoop:
             peaks.append(math.inf)
     assert found.worst["Ms"].value == pytest.approx(max(peaks))
