@@ -102,7 +102,7 @@ def tunings(
     Raises
     ------
     RuleNotApplicable
-        The process is unstable, oscillates, or has complex zeros: no published rule covers it.
+        The process is unstable, has complex zeros, or oscillates and is of an order above two.
     ValueError
         tau_c or the sample time is out of range, or ±50 % of the model is.
 

@@ -21,7 +21,7 @@ COMMANDS = (
     Entry(
         "tune",
         "service.cli.tune:tune",
-        "Identify the process behind a step test, tune it by every rule and verify the settings.",
+        "Identify the process behind a test, tune it by every rule and verify the settings.",
     ),
     Entry(
         "propose",
@@ -31,7 +31,7 @@ COMMANDS = (
     Entry(
         "identify",
         "service.cli.identify:identify",
-        "Identify the process behind a step test, with its errors and a verdict.",
+        "Identify the process behind a test, with its errors and a verdict.",
     ),
     Entry(
         "frequency",

@@ -40,7 +40,7 @@ def identify(
     layout: reading.LayoutChoice = None,
     mode_code: reading.ModeCode = None,
 ) -> int:
-    """Identify the process behind a step test, with its errors and a verdict.
+    """Identify the process behind a test, with its errors and a verdict.
 
     Exit code 0: answered. 3: refused, with the reasons. 2: called wrongly. 1: failed.
     """

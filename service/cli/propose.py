@@ -46,7 +46,7 @@ def propose(
 ) -> int:
     """Tune a process that is known already, by every rule, and verify the settings.
 
-    Exit code 0: answered. 3: no published rule covers it, with the reason. 2: called wrongly.
+    Exit code 0: answered. 3: refused, with the reason. 2: called wrongly.
     1: failed.
     """
     plant = process_from_text(process)

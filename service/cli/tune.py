@@ -63,7 +63,7 @@ def tune(
     layout: reading.LayoutChoice = None,
     mode_code: reading.ModeCode = None,
 ) -> int:
-    """Identify the process behind a step test, tune it by every rule and verify the settings.
+    """Identify the process behind a test, tune it by every rule and verify the settings.
 
     Exit code 0: answered. 3: refused, with the reasons. 2: called wrongly. 1: failed.
     """
