@@ -1,6 +1,7 @@
 """What users do with tunings."""
 
 import math
+from contextlib import suppress
 from uuid import UUID
 
 from sqlalchemy.orm import Session
@@ -13,6 +14,7 @@ from advice.tune import StatedProcess, TuningCase, tune_process
 from loop.controller import PID, Action
 from loop.errors import FitNotTrusted, LoopError
 from loop.process import gain_sign
+from loop.swing import swing_of
 from service import audit
 from service.actors import Actor
 from service.errors import InvalidRequest
@@ -20,7 +22,13 @@ from service.loops.store import loop_with_id
 from service.models.schemas import process_from, stated_process
 from service.models.store import model_with_id
 from service.tables import LoopRow, ModelRow, TuningRow
-from service.tunings.schemas import RunningBody, TuneLoop, TuneProcess, TuneProcesses
+from service.tunings.schemas import (
+    MOST_SWINGING,
+    RunningBody,
+    TuneLoop,
+    TuneProcess,
+    TuneProcesses,
+)
 
 
 def tune_loop(reading: Session, *, loop_id: UUID, wanted: TuneLoop) -> Body:
@@ -96,8 +104,24 @@ def tune_one(wanted: TuneProcess) -> Body:
 
 
 def tune_many(wanted: TuneProcesses) -> list[Body]:
-    """Work out every rule's settings for many processes; nothing is stored."""
-    bodies = []
+    """Work out every rule's settings for many processes; nothing is stored.
+
+    Raises
+    ------
+    InvalidRequest
+        A process cannot be tuned, or too many of them swing by themselves.
+    """
+    swinging, bodies = 0, []
+    for body in wanted.processes:
+        with suppress(ValueError):  # told below, with its place in the list
+            swinging += swing_of(stated_process(body)) is not None
+    if swinging > MOST_SWINGING:
+        raise InvalidRequest(
+            "body/processes",
+            f"{swinging} of the processes swing by themselves, and a batch takes at most "
+            f"{MOST_SWINGING} of those, because their settings are searched and proven one by "
+            "one; send the others in a further batch",
+        )
     for i, process in enumerate(wanted.processes):
         try:
             bodies.append(_case(stated_process(process), wanted, None))

@@ -12,6 +12,8 @@ from service.schemas import Answer, Strict
 from service.units import Positive, Seconds, SecondsOrNone
 
 MOST_PROCESSES = 200  # about two seconds of work
+# Of those that swing by themselves, whose settings take some twenty times as long.
+MOST_SWINGING = 20
 
 
 class RunningBody(Strict):
@@ -68,7 +70,7 @@ class TuneProcess(_RobustWishes):
 
 
 class TuneProcesses(_Wishes):
-    """Ask for verified settings of many processes; nothing is stored."""
+    """Ask for verified settings of many processes, 20 swinging ones at most; nothing is stored."""
 
     processes: Annotated[list[AnyProcessBody], Field(min_length=1, max_length=MOST_PROCESSES)]
 

@@ -92,6 +92,17 @@ def test_a_batch_takes_every_kind(client: TestClient) -> None:
     assert len(answer.json()["items"]) == len(KINDS)
 
 
+def test_a_batch_takes_few_processes_that_swing_by_themselves(client: TestClient) -> None:
+    swinging = {**COLUMN, "numerator": [2.0], "denominator": [100.0, 6.0, 1.0], "theta": 5.0}
+    answer = client.post("/v1/tunings/batch", json={"processes": [swinging] * 21})
+    assert answer.status_code == 422
+    (error,) = answer.json()["errors"]
+    assert error["pointer"] == "body/processes"
+    assert "21 of the processes swing by themselves" in error["detail"]
+    one = client.post("/v1/tunings/batch", json={"processes": [swinging]})
+    assert one.json()["items"][0]["recommended"]["rule"] == "least_area"
+
+
 def test_a_stated_model_of_any_kind_is_kept_and_tuned(
     client: TestClient, tic101: dict[str, Any]
 ) -> None:
