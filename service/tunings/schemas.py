@@ -12,7 +12,7 @@ from service.schemas import Answer, Strict
 from service.units import Positive, Seconds, SecondsOrNone
 
 MOST_PROCESSES = 200  # about two seconds of work
-# Of those that swing by themselves, whose settings take some twenty times as long.
+# Of those that swing by themselves, whose settings take five to twenty times as long.
 MOST_SWINGING = 20
 
 
