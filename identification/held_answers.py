@@ -5,6 +5,9 @@ time since the last move. As for the first-order lag nothing is discretised, wha
 and whatever fraction of a sample the dead time is.
 """
 
+import cmath
+import math
+
 import numpy as np
 
 from identification.held_input import LONGEST, HeldInput, Indices
@@ -43,7 +46,8 @@ def second_order_answer(
     """
     if abs(q - 0.25) < NOT_EQUAL:
         q = 0.25 - NOT_EQUAL
-    root = np.sqrt(complex(1 - 4 * q))
+    # Lags that are real are worked in real numbers, at a third of the time.
+    root = math.sqrt(1 - 4 * q) if q < 0.25 else cmath.sqrt(1 - 4 * q)
     # The shorter lag by the product of both, which a small q leaves exact.
     longer = a1 * (1 + root) / 2
     shorter = q * a1**2 / longer
@@ -54,7 +58,7 @@ def second_order_answer(
     for tau, other in ((longer, shorter), (shorter, longer))[:pair]:
         # A swinging answer's two terms are conjugates: twice the real part of one.
         share = (3 - pair) * tau / (tau - other)
-        left: Complex = share * _distances(held, tau)[behind] * np.exp(-_bounded(age / tau))
+        left = share * _distances(held, tau)[behind] * _decay(age, tau)
         y += left.real
         slope -= (left / tau).real
     return y, slope
@@ -108,17 +112,20 @@ def _since_arrival(held: HeldInput, t: Real, theta: float) -> tuple[Indices, Rea
     return behind, np.where(behind > 0, shifted - held.instants[np.maximum(behind - 1, 0)], 0.0)
 
 
-def _distances(held: HeldInput, tau: complex) -> Complex:
+def _distances(held: HeldInput, tau: complex) -> Real | Complex:
     """Distance of a lag, perhaps a complex one, from its aim right after each move. [OP]"""
-    z = [0j]
-    gaps = np.diff(held.instants, prepend=held.instants[:1]).tolist()
-    for gap, jump in zip(gaps, np.diff(held.levels).tolist(), strict=True):
-        rate = gap / tau
+    instants, levels = held.instants.tolist(), held.levels.tolist()
+    z: list[complex] = [0.0]
+    for j, instant in enumerate(instants):
+        rate = (instant - instants[j - 1]) / tau if j else 0.0
         decay = 0.0 if rate.real > LONGEST else np.exp(-rate)
-        z.append(z[-1] * decay - jump)
+        z.append(z[-1] * decay - (levels[j + 1] - levels[j]))
     return np.array(z)
 
 
-def _bounded(exponent: Complex) -> Complex:
-    """Exponents without those whose exponential is nothing."""
-    return np.asarray(np.minimum(exponent.real, LONGEST) + 1j * exponent.imag)
+def _decay(age: Real, tau: complex) -> Real | Complex:
+    """e^(-age/tau), without exponents whose exponential is nothing."""
+    if not isinstance(tau, complex):
+        return np.asarray(np.exp(-np.minimum(age / tau, LONGEST)))
+    exponent = age / tau
+    return np.asarray(np.exp(-(np.minimum(exponent.real, LONGEST) + 1j * exponent.imag)))

@@ -151,18 +151,23 @@ def _first_order(identification: Identification) -> tuple[LeastSquaresFit, Sampl
 def _fixed_dead_time(fit: LeastSquaresFit, samples: Samples, theta: float) -> float:
     """Smallest sum of squares at a dead time, tau searched about the fit's. [PV^2]"""
     root = np.ones_like(samples.t) if samples.weight is None else np.sqrt(samples.weight)
-    y = samples.pv * root
     since = samples.t - fit.t0
+    # Whatever depends on neither tau nor theta is taken out once, the rest one by one.
+    fixed = [root, since * root] if fit.drift_fitted else [root]
+    basis = np.linalg.qr(np.stack(fixed, axis=1))[0].T
+
+    def without_fixed(signal: Real) -> Real:
+        return np.asarray(signal - (basis @ signal) @ basis)
+
+    y = without_fixed(samples.pv * root)
 
     def squares(ln_tau: float) -> float:
         tau = math.exp(ln_tau)
-        columns = [lag_response(fit.held, samples.t, tau, theta)[0], np.ones_like(since)]
-        if fit.drift_fitted:
-            columns.append(since)
+        left, answer = y, without_fixed(lag_response(fit.held, samples.t, tau, theta)[0] * root)
         if fit.start_fitted:
-            columns.append(np.exp(-since / tau))
-        q = np.linalg.qr(np.stack(columns, axis=1) * root[:, None])[0]
-        left = y - q @ (q.T @ y)
+            dying = without_fixed(np.exp(-since / tau) * root)
+            left, answer = _without(left, dying), _without(answer, dying)
+        left = _without(left, answer)
         return float(left @ left)
 
     about = math.log(fit.tau)
@@ -170,3 +175,9 @@ def _fixed_dead_time(fit: LeastSquaresFit, samples: Samples, theta: float) -> fl
         squares, bounds=(about - 1.0, about + 1.0), method="bounded", options={"xatol": 1e-5}
     )
     return float(found.fun)
+
+
+def _without(signal: Real, column: Real) -> Real:
+    """Rest of a signal beside a column; the signal itself beside a column of nothing."""
+    size = float(column @ column)
+    return np.asarray(signal - (float(signal @ column) / size) * column) if size > 0 else signal
