@@ -41,7 +41,8 @@ class TagShift:
     seconds : float
         The same. [s]
     strength : float
-        Correlation at that shift over its standard error. [-]
+        Correlation at that shift over its standard error; below 0 where OP moves against the
+        cause. [-]
     """
 
     cause: str
@@ -75,6 +76,10 @@ def tag_shifts(record: Record) -> list[TagShift]:
     stretches = _automatic(even)
     of_pv = _shift("PV", [_surprises(even, a, b) for a, b in stretches], even.dt)
     of_sp = _shift("SP", [_set_points(even, a, b) for a, b in stretches], even.dt)
+    if of_pv is not None and of_sp is not None and of_pv.strength * of_sp.strength > 0:
+        # A controller moves OP with SP and against PV. Where OP and PV go the same way, PV answers
+        # the kick of a set-point move, a dead time later: the process, not a wrong stamp.
+        of_pv = None
     return [found for found in (of_pv, of_sp) if found is not None]
 
 
@@ -101,7 +106,7 @@ def _shift(cause: str, pairs: list[tuple[Real, Real]], dt: float) -> TagShift | 
         cause=cause,
         samples=int(shifts[best]),
         seconds=float(shifts[best]) * dt,
-        strength=float(size[best]),
+        strength=float(np.copysign(size[best], products[best])),
     )
 
 

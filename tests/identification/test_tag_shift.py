@@ -51,6 +51,17 @@ def test_a_set_point_that_is_stamped_wrongly_is_found_by_its_kick() -> None:
     assert {f.cause for f in tag_shifts(record(pv, sp, op))} == {"PV"}
 
 
+def test_a_process_that_answers_the_kicks_of_the_set_point_is_no_late_stamp() -> None:
+    t = np.arange(float(N))
+    sp = np.where(t % 300 < 150, 50.0, 52.0)
+    kicks = np.diff(sp, prepend=sp[0])
+    # OP moves with SP alone; PV answers it seven samples later, far above the little noise.
+    op = 40 + np.cumsum(kicks) + 0.001 * np.random.default_rng(3).normal(size=N)
+    pv = np.roll(2.0 * (op - 40), 7) + 0.01 * np.random.default_rng(4).normal(size=N)
+    found = {f.cause: f.samples for f in tag_shifts(record(pv[10:], sp[10:], op[10:]))}
+    assert found == {"SP": 0}
+
+
 def test_nothing_is_said_in_manual_of_steps_or_without_a_controller() -> None:
     pv, sp, op = loop(0.05, 0.5)
     manual = Record(t=np.arange(float(N)), pv=pv, op=op)
