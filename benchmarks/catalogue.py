@@ -48,7 +48,7 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
             ("robust_choice", "load area at equal guaranteed Ms, every published rule", 60.0),
             ("tuning_request", "all rules with their sweeps for one process", 40.0),
             ("process_batch", "AMIGO and SIMC on 133 processes, margins of the process", 60.0),
-            ("csv_import", "historian exports against pandas, pyarrow, polars", 320.0),
+            ("csv_import", "historian exports against pandas, pyarrow, polars", 310.0),
             ("sample_store", "a loop's month, a day of all loops, corrections", 90.0),
             ("false_alarms", "oscillation and stiction: 1,000 healthy loops, sticking ones", 170.0),
             ("burst_detection", "waves as large as the noise: how many are found", 75.0),
