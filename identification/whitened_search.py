@@ -176,23 +176,29 @@ class _Grid:
     def peaks(self, noise: Real) -> list[tuple[float, float]]:
         """Where the whitened PV is explained best, and the next best peaks. [s]"""
         taus = list(self.answers)
-        score = np.array([self._scores(tau, noise) for tau in taus])
+        fixed = [
+            whiten(np.stack((np.ones(s.pv.size), s.pv - s.pv.mean()), axis=1), noise)
+            for s in self.stretches
+        ]
+        score = np.array([self._scores(tau, noise, fixed) for tau in taus])
         found = np.flatnonzero(score == maximum_filter(score, 3))
         order = found[np.argsort(-score.flat[found])][:MOST_PEAKS].tolist()
         places = [divmod(i, len(self.delays)) for i in order]
         return [(taus[i], self.delays[j] * self.dt) for i, j in places]
 
-    def _scores(self, tau: float, noise: Real) -> Real:
+    def _scores(self, tau: float, noise: Real, fixed: list[Real]) -> Real:
+        """Explained part at every dead time; `fixed` is level and PV of each stretch, whitened."""
         inner, size, left = 0.0, np.zeros(len(self.delays)), 0.0
-        for s, x in zip(self.stretches, self.answers[tau], strict=True):
-            n = s.pv.size
-            fixed = np.column_stack((np.ones(n), dying(n, self.dt, tau), s.pv - s.pv.mean()))
-            white = whiten(fixed, noise)
-            q = _orthonormal(white[:, :2])
-            y = white[:, 2] - q @ (q.T @ white[:, 2])
+        delays = np.array(self.delays)
+        for s, x, (level, pv) in zip(
+            self.stretches, self.answers[tau], (f.T for f in fixed), strict=True
+        ):
+            gone = whiten(dying(s.pv.size, self.dt, tau), noise)
+            q = _orthonormal(np.stack((level, gone), axis=1))
+            y = pv - q @ (q.T @ pv)
             moved = whiten(x, noise)
             first = moved.size - y.size
-            X = sliding_window_view(moved, y.size)[first - np.array(self.delays)]
+            X = sliding_window_view(moved, y.size)[first - delays]
             onto = X @ np.column_stack((y, q))
             inner = inner + onto[:, 0]
             size += np.einsum("ij,ij->i", X, X) - np.sum(onto[:, 1:] ** 2, axis=1)
