@@ -9,7 +9,6 @@ from identification.even_record import even_record
 from identification.even_stretches import Stretch
 from identification.identify import Identification
 from identification.prediction_error import PredictionErrorFit, prediction_error_fit
-from identification.structures import FIRST_ORDER
 from identification.verdict import Verdict
 from loop.batch import ProcessBatch
 from loop.errors import LoopError
@@ -73,7 +72,7 @@ def rivals(record: Record, model: Identification) -> Rivals | None:
         moved[:, 3] += late
         rows = np.concatenate((rows, moved))
         notes.append(f"OP may have moved {late:.3g} s before the sample that shows it")
-    other = _whitened(record) if model.steps and _misses_something(model) else None
+    other = _whitened(record) if model.steps else None
     if other is not None and _disagrees(process, other):
         rows = np.concatenate((rows, [[other.K, other.tau, 0.0, other.theta, 0.0]]))
         notes.append(
@@ -172,25 +171,6 @@ def _late(record: Record, model: Identification) -> float:
         if 0 < row < t.size:
             holes.append(float(t[row] - t[row - 1]))
     return max(holes) if max(holes) > GAP * usual else 0.0
-
-
-def _misses_something(model: Identification) -> bool:
-    """Whether the fit leaves, or explains by other than OP, anything a disturbance might have done.
-
-    One lag and dead time alone that leave white noise leave nothing for a noise model to explain.
-    """
-    chosen, colour = model.structure, model.colour
-    return (
-        chosen is None
-        or colour is None
-        or chosen.structure is not FIRST_ORDER
-        or chosen.process != model.process
-        or not colour.white
-        or chosen.part > 0
-        or model.drift != 0
-        or model.start != 0
-        or model.spikes > 0
-    )
 
 
 def _whitened(record: Record) -> PredictionErrorFit | None:

@@ -56,23 +56,6 @@ def test_a_clean_step_test_has_no_other_reading() -> None:
     assert found.processes.shape == (201,)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_fit_that_leaves_white_noise_needs_no_second_reading(seed: int) -> None:
-    """Then it is not made; had it been made, as where readings were left out, it would agree."""
-    t = np.arange(300.0)
-    op = np.where(t < 60, 40.0, 45.0)
-    pv = process_output(PROCESS, t, op) + np.random.default_rng(seed).normal(0.0, 0.3, t.size)
-    record = Record(t=t, pv=pv, op=op)
-    model = identified(record)
-    assert model.colour is not None
-    assert model.colour.white
-    made, spared = rivals(record, replace(model, spikes=1)), rivals(record, model)
-    assert made is not None
-    assert spared is not None
-    assert made.notes == spared.notes == ()
-    assert made.processes.shape == spared.processes.shape
-
-
 def test_draws_of_two_lags_keep_both() -> None:
     t = np.arange(1500.0)
     op = np.where(t < 300, 40.0, 45.0) - np.where(t < 900, 0.0, 5.0)
