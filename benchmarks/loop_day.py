@@ -112,7 +112,7 @@ def _works(one: VirtualLoop) -> Mapping[str, Callable[[], object]]:
 
 def _searches(whole: Callable[[], object]) -> list[tuple[Real, Real, float]]:
     """What an assessment has searched for S and J; nothing on a loop that is not flagged."""
-    with patch("monitoring.stiction.stiction_search", wraps=stiction_search) as search:
+    with patch("monitoring.wave_word.stiction_search", wraps=stiction_search) as search:
         whole()
     return [call.args for call in search.call_args_list]
 
