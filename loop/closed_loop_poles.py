@@ -333,6 +333,7 @@ def refine(loop: FactoredLoop, s: Complex) -> Complex:
 def _refined(loop: FactoredLoop, starts: Complex) -> Complex:
     """Roots that start values lead to without moving far; conjugates made exact."""
     upper = starts[starts.imag >= -ROOT * np.abs(starts)]
+    upper = np.where(upper.imag <= ROOT * np.abs(upper), upper.real.astype(complex), upper)
     # A start that sits on an open-loop pole cannot move from there.
     upper = upper + 1e-13 / loop.theta
     found = refine(loop, upper)
@@ -341,7 +342,8 @@ def _refined(loop: FactoredLoop, starts: Complex) -> Complex:
     found = found[good]
     real = np.abs(found.imag) <= 1e-11 * (np.abs(found) + 1 / loop.theta)
     flat = found[real].real.astype(complex)
-    pairs = found[~real & (found.imag > 0)]
+    # A double root is known to 1e-8 only: one of its pair may end on the other side of the axis.
+    pairs = found[~real].real + 1j * np.abs(found[~real].imag)
     return np.concatenate([flat, pairs, pairs.conj()])
 
 

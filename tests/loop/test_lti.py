@@ -17,6 +17,8 @@ def test_a_transfer_function_comes_back_as_it_went() -> None:
     assert from_control(control.tf([3], [2, 1]), theta=4) == TransferFunction((3,), (2, 1), 4)
 
 
+# python-control 0.10 sets shapes of arrays, which numpy 2.5 warns of.
+@pytest.mark.filterwarnings("ignore:Setting the shape:DeprecationWarning")
 @pytest.mark.parametrize(
     ("n", "d"), [([1], [1, 2, 1]), ([1, 5, 3], [1, 2, 1]), ([2, 3], [1, 2, 4, 1e-3]), ([4], [2])]
 )

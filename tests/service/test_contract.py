@@ -23,7 +23,13 @@ from service.settings import Settings
 
 # Nothing is made here before a test runs; schemathesis only needs to know the operations.
 FOLDER = Path(tempfile.gettempdir()) / f"lw-contract-{uuid4().hex}"
-SETTINGS = Settings(data=FOLDER, database_url=f"sqlite:///{FOLDER / 'contract.sqlite'}")
+SETTINGS = Settings(
+    data=FOLDER,
+    database_url=f"sqlite:///{FOLDER / 'contract.sqlite'}",
+    # Wrong keys by the hundred are part of the test, and are to be answered 401.
+    failed_keys_per_minute=0,
+    heavy_per_minute=0,
+)
 HELD = Database.at(SETTINGS.url)
 APP = create_app(SETTINGS, HELD)
 CONFIG = SchemathesisConfig.from_dict(
