@@ -1,6 +1,6 @@
 """The test to run next, where the one that was run was refused."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -9,7 +9,8 @@ from advice.display import digits
 from advice.planning import plan_body, plan_sentences
 from advice.tune import TuningCase
 from identification.planner import StepPlan, Wishes, plan_steps
-from loop.process import FOPDT, SOPDT, Process
+from identification.pulse_planner import PulsePlan, PulseWishes, plan_pulses
+from loop.process import FOPDT, IPDT, SOPDT, Process
 from loop.record import Record
 from loop.signals import Real
 
@@ -36,16 +37,16 @@ class NextTest:
         What the plan rests on.
     noise : float or None
         Noise of PV in the record, None where PV was not recorded. [PV]
-    guess : FOPDT or None
+    guess : FOPDT, IPDT or None
         Process that the plan assumes; None where the record says nothing of it.
-    plan : StepPlan or None
-        The test; None where nothing is known of the process.
+    plan : StepPlan, PulsePlan or None
+        The test, by pulses for a process that integrates; None where nothing is known of it.
     """
 
     reason: str
     noise: float | None
-    guess: FOPDT | None
-    plan: StepPlan | None
+    guess: FOPDT | IPDT | None
+    plan: StepPlan | PulsePlan | None
 
 
 def next_test(record: Record, fitted: Process | None, noise: float | None) -> NextTest:
@@ -112,28 +113,43 @@ def after(case: TuningCase) -> NextTest | None:
     )
 
 
-def _guess(record: Record, fitted: Process | None) -> FOPDT | None:
-    """The refused model as one lag, where its numbers can be meant."""
+def _guess(record: Record, fitted: Process | None) -> FOPDT | IPDT | None:
+    """The refused model as one lag or an integrator, where its numbers can be meant."""
     if isinstance(fitted, SOPDT):
         half = fitted.tau2 / 2
         fitted = FOPDT(K=fitted.K, tau=fitted.tau1 + half, theta=fitted.theta + half)
-    if not isinstance(fitted, FOPDT):
+    if not isinstance(fitted, FOPDT | IPDT):
         return None
     known = np.isfinite(record.pv) & np.isfinite(record.op)
     pv, op = record.pv[known], record.op[known]
     largest = UNKNOWN * float(np.ptp(pv)) / max(float(np.ptp(op)), 1e-300)
+    if isinstance(fitted, IPDT):
+        # What OP summed up would have moved PV by no more than a few times what it did; and pulses
+        # are planned around a dead time.
+        summed = np.cumsum((op[:-1] - op[0]) * np.diff(record.t[known]))
+        moved = abs(fitted.K) * float(np.ptp(summed)) < UNKNOWN * float(np.ptp(pv))
+        return fitted if moved and 0 < fitted.theta < record.span else None
     meant = abs(fitted.K) < largest and record.sample_time / 2 < fitted.tau < record.span
     return fitted if meant else None
 
 
-def _plan(guess: FOPDT, noise: float, factor: float) -> StepPlan:
+def _plan(guess: FOPDT | IPDT, noise: float, factor: float) -> StepPlan | PulsePlan:
     """Smallest deviation that few moves do with, or the largest tried."""
-    wishes = Wishes(guess=guess, noise=noise, deviation=noise, factor=factor)
     for deviation in DEVIATIONS:
-        plan = plan_steps(replace(wishes, deviation=factor * deviation * noise))
+        plan = _test(guess, noise, factor, deviation=factor * deviation * noise)
         if plan.reaches and len(plan.times) <= FEW_MOVES:
             break
     return plan
+
+
+def _test(
+    guess: FOPDT | IPDT, noise: float, factor: float, *, deviation: float
+) -> StepPlan | PulsePlan:
+    if isinstance(guess, IPDT):
+        return plan_pulses(
+            PulseWishes(guess=guess, noise=noise, deviation=deviation, factor=factor)
+        )
+    return plan_steps(Wishes(guess=guess, noise=noise, deviation=deviation, factor=factor))
 
 
 def _noise(pv: Real) -> float:
@@ -148,9 +164,7 @@ def next_test_body(found: NextTest) -> Body:
     return {
         "reason": found.reason,
         "noise_sd": found.noise,
-        "guess": None
-        if guess is None
-        else {"kind": "FOPDT", "K": guess.K, "tau": guess.tau, "theta": guess.theta},
+        "guess": None if guess is None else {"kind": type(guess).__name__} | asdict(guess),
         "plan": None if found.plan is None else plan_body(found.plan),
     }
 

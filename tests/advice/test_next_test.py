@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 
 from advice.case_body import case_body
-from advice.next_test import NextTest, after, next_test, next_test_sentences
+from advice.next_test import (
+    NextTest,
+    after,
+    next_test,
+    next_test_body,
+    next_test_sentences,
+)
 from advice.planning import plan_body, plan_sentences, plan_test
 from advice.report.page import report_page
 from advice.tune import tune
+from identification.identify import identify
 from identification.planner import StepPlan, Wishes
+from identification.pulse_planner import PulsePlan
 from loop.open_loop import process_output
 from loop.process import FOPDT, IPDT, SOPDT
 from loop.record import Record
@@ -71,7 +79,7 @@ def test_a_record_that_says_nothing_of_the_speed_is_taken_for_six_time_constants
     record = Record(t=t, pv=rng.normal(0, 1.0, 600), op=np.where(t < 100, 0.0, 3.0))
     # No answer to the move: whatever was fitted is no guess.
     found = next_test(record, IPDT(K=1.0, theta=1.0), None)
-    assert found.guess is not None
+    assert isinstance(found.guess, FOPDT)
     assert found.guess.tau == pytest.approx(100.0, rel=0.01)
     assert found.noise == pytest.approx(1.0, rel=0.15)
     assert "a sixth of the record" in found.reason
@@ -79,6 +87,33 @@ def test_a_record_that_says_nothing_of_the_speed_is_taken_for_six_time_constants
     # A gain far beyond what PV did cannot be meant either.
     absurd = next_test(record, FOPDT(K=500.0, tau=100.0, theta=10.0), 1.0)
     assert absurd.guess == found.guess
+
+
+def test_after_a_refused_integrator_pulses_are_planned_that_carry_a_model() -> None:
+    level = IPDT(K=0.01, theta=20.0)
+    t = np.arange(0.0, 900.0, 2.0)
+    op = np.where((t > 300) & (t < 420), 51.0, 50.0)
+    noise = np.random.default_rng(5).normal(0, 1.0, t.size)
+    refused = Record(t=t, pv=process_output(level, t, op) + noise, op=op)
+
+    following = next_test(refused, IPDT(K=0.014, theta=15.0), 1.0)
+
+    plan = following.plan
+    assert isinstance(plan, PulsePlan)
+    body = next_test_body(following)
+    assert body["guess"] == {"kind": "IPDT", "K": 0.014, "theta": 15.0}
+    assert len(next_test_sentences(following)) > 3
+    t = np.arange(0.0, plan.duration, plan.sample_time)
+    op = np.append(0.0, plan.levels)[np.searchsorted(plan.times, t, side="right")]
+    noise = np.random.default_rng(6).normal(0, 1.0, t.size)
+    found = identify(Record(t=t, pv=process_output(level, t, op) + noise, op=op))
+    assert isinstance(found.process, IPDT)
+    assert abs(found.process.K / level.K - 1) < 0.15
+
+
+def test_an_integrator_whose_numbers_cannot_be_meant_is_no_guess(weak_test: Record) -> None:
+    for fitted in (IPDT(K=1e3, theta=10.0), IPDT(K=0.01, theta=1e6)):
+        assert isinstance(next_test(weak_test, fitted, 1.5).guess, FOPDT)
 
 
 def test_two_lags_are_guessed_as_one() -> None:
