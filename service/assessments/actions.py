@@ -193,8 +193,10 @@ def scorecard(
         There is no such job, or it has found nothing yet.
     """
     job_id = job_id or store.newest_assessment_job(session)
-    rows = [] if job_id is None else store.assessments_of_job(session, job_id)
-    if job_id is None or not rows:
+    if job_id is None:
+        raise NotFound("scorecard", "yet: assess the plant first, by POST /v1/assessments")
+    rows = store.assessments_of_job(session, job_id)
+    if not rows:
         raise NotFound("scorecard of job", job_id)
     found = store.with_overrules(session, [row for row, _ in rows])
     loops = {row.id: loop for row, loop in rows}

@@ -185,7 +185,9 @@ def test_the_scorecard_names_areas_and_the_loops_that_cost_most(
     client: TestClient, plant: Plant, work: Callable[[], bool]
 ) -> None:
     plant()
-    assert client.get("/v1/scorecard").status_code == 404
+    nothing = client.get("/v1/scorecard")
+    assert nothing.status_code == 404
+    assert nothing.json()["detail"].startswith("There is no scorecard yet: assess the plant first")
     job = client.post("/v1/assessments", json=DAY).json()["id"]
     assert work()
 

@@ -42,7 +42,7 @@ def assessed(client: TestClient, settings: Settings, acting_as: Any, said: Said)
         )  # fmt: skip
     acting_as("Anna", "engineer")
     assert run(["scorecard"]) == 3
-    assert "scorecard of job" in said()[1]
+    assert "no scorecard yet: assess the plant first" in said()[1]
     assert run(["assess", "--day", "2026-01-31", "--processes", "1"]) == 0
     said()
     return loop
