@@ -3,11 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.false_alarms import auc, auc_interval, episode_probabilities, judged, outcomes
+from benchmarks.false_alarms import auc, auc_interval, episode_probabilities, outcomes
 from benchmarks.virtual_loops import State, virtual_loops
 from monitoring.loop_signals import Stretch
 from monitoring.oscillation import oscillation
-from monitoring.screening import screen
 from monitoring.stiction import stiction
 from monitoring.stiction_features import NAMES, strongest_period
 from monitoring.stiction_model import logistic, second_terms, stiction_model, terms
@@ -66,23 +65,6 @@ def test_the_weights_belong_to_the_features_and_the_limits_are_in_order() -> Non
     assert p[1] > p[0]
     assert logistic(np.array([0.0]))[0] == 0.5
     assert second_terms(np.array([0.5]), np.array([-0.1])).tolist() == [[1.0, 0.0, 0.0]]
-
-
-def test_screening_flags_a_sticking_loop_and_leaves_a_healthy_one() -> None:
-    sticking = next(
-        v for v in virtual_loops(State.STICKING, 9, samples=1000, seed=5)
-        if v.drives and judged(v).oscillates
-    )  # fmt: skip
-    seen = screen(
-        Stretch(first=0, dt=1.0, pv=sticking.pv, op=sticking.op, sp=sticking.sp, share=1.0)
-    )
-    assert seen.flagged
-    assert seen.oscillation.oscillates
-    rng = np.random.default_rng(1)
-    calm = Stretch(first=0, dt=1.0, pv=rng.normal(size=3000), op=np.zeros(3000), sp=None, share=1.0)
-    quiet = screen(calm)
-    assert not quiet.flagged
-    assert quiet.cross_correlation is None
 
 
 def test_the_area_under_the_curve_is_the_part_of_pairs_won() -> None:
