@@ -20,8 +20,9 @@ from loop.record import Record
 from loop.signals import Codes, Real
 from monitoring.acf_decay import acf_decay
 from monitoring.achievable_variance import achievable_variance
+from monitoring.cause import Cause, Diagnosis, not_assessable
 from monitoring.desired_settling import desired_settling
-from monitoring.diagnosis import Diagnosis, diagnose, not_assessable
+from monitoring.diagnosis import diagnose
 from monitoring.error_statistics import error_statistics
 from monitoring.expected_response import expected_response
 from monitoring.half_periods import half_periods
@@ -35,6 +36,7 @@ from monitoring.oscillation import Oscillation, oscillation
 from monitoring.score_profile import DEFAULT_SCORE_PROFILE, ScoreProfile, score_profile
 from monitoring.scorecard import Grade, grade, ungraded
 from monitoring.sensor import SensorHealth, sensor_health
+from monitoring.set_point_line import SetPointLine, set_point_line
 from monitoring.set_point_moves import SetPointMoves, set_point_moves
 from monitoring.stiction import stiction
 from monitoring.stiction_result import StictionVerdict
@@ -88,7 +90,7 @@ class Assessment:
     @property
     def assessable(self) -> bool:
         """Whether anything could be judged."""
-        return self.indices is not None
+        return self.diagnosis.cause is not Cause.NOT_ASSESSABLE
 
 
 def assess(
@@ -185,6 +187,8 @@ def assess(
             integrating=integrating, saturated=used.saturated, known=known, tau_c=tau_c,
         ),
     )  # fmt: skip
+    diagnosis = diagnose(indices, scores)
+    judged = diagnosis.cause is not Cause.NOT_ASSESSABLE
     return Assessment(
         tag=record.tag,
         kind=kind,
@@ -194,8 +198,8 @@ def assess(
         samples=signals.pv.size,
         resampled=resampled,
         indices=indices,
-        diagnosis=diagnose(indices, scores),
-        grade=grade(indices, scores),
+        diagnosis=diagnosis,
+        grade=grade(indices, scores) if judged else ungraded(scores),
     )
 
 
@@ -314,7 +318,7 @@ def _control(
     b = None if delay is None else round(delay / dt) + 1
     return ControlIndices(
         oscillation=swings,
-        set_point_oscillation=_of_set_point(stretch, moves),
+        set_point_line=_set_point_line(stretch, swings),
         half_periods=half_periods(error, dt, pv_span=signals.pv_span, Ti=Ti, share=share),
         acf_decay=acf_decay(error, dt, share=share),
         set_point_moves=moves,
@@ -347,7 +351,7 @@ def _by_model(
     )
 
 
-def _of_set_point(stretch: Stretch, moves: SetPointMoves) -> Oscillation | None:
-    if stretch.sp is None or not moves.following:
+def _set_point_line(stretch: Stretch, swings: Oscillation) -> SetPointLine | None:
+    if stretch.sp is None or swings.main is None:
         return None
-    return oscillation(stretch.sp, stretch.dt, share=stretch.share)
+    return set_point_line(stretch.sp, stretch.dt, swings.main, share=stretch.share)

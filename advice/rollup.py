@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from monitoring.diagnosis import Cause
+from monitoring.cause import Cause
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

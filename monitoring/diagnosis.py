@@ -1,87 +1,32 @@
 """From indices to a cause, how sure that is, and what to do next."""
 
-from dataclasses import dataclass
-from enum import StrEnum
-
 from monitoring.basis import Confidence
+from monitoring.before_control import (
+    bad_sensor,
+    constrained,
+    never_free,
+    not_in_use,
+    output_at_rest,
+    valve_size_said,
+)
+from monitoring.cause import MOVE_IT, Action, Cause, Diagnosis, not_assessable
 from monitoring.expected_response import Departure
 from monitoring.indices import ControlIndices, Indices, ModelIndices
+from monitoring.loop_signals import LoopKind
 from monitoring.model_mismatch import ModelVerdict
 from monitoring.oscillation import OscillationComponent
 from monitoring.score_profile import ScoreProfile
+from monitoring.set_point_moves import SetPointMoves
 from monitoring.stiction_result import StictionVerdict
 
-# Two oscillations whose periods differ by less than this part are taken as one.
-SAME_PERIOD = 0.1
 # What is left of the autocorrelation of a steady wave; noise in a lively loop loses its phase.
 STEADY_WAVE = 0.85
-MOVE_IT = (
-    "To tell: put the loop in manual, move OP by a few percent up and back, and watch PV and the "
-    "stem; check the positioner."
+OSCILLATING_SET_POINT = (
+    "The set point swings with that period too, {ratio:.2g} times as far as the error: "
+    "look at what moves it."
 )
-OSCILLATING_SET_POINT = "The set point oscillates with the same period, about {period:.3g} s."
-
-
-class Cause(StrEnum):
-    """What is wrong with a loop."""
-
-    HEALTHY = "healthy"
-    VALVE = "valve"
-    TUNING = "tuning"
-    DISTURBANCE = "disturbance"
-    SENSOR = "sensor"
-    CONSTRAINT = "constraint"
-    NOT_IN_USE = "not in use"
-    NOT_ASSESSABLE = "not assessable"
-
-
-class Action(StrEnum):
-    """What to do next."""
-
-    NOTHING = "nothing"
-    CHECK_VALVE = "check the valve"
-    RETUNE = "retune"
-    IDENTIFY = "identify the process again, then retune"
-    LOOK_UPSTREAM = "look upstream"
-    CHECK_SENSOR = "check the measurement"
-    CHECK_RANGE = "check the operating point and the size of the valve"
-    ASK_OPERATORS = "ask why the loop is not in automatic"
-    GET_DATA = "get better data"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnosis:
-    """What is wrong, how sure that is, and what to do.
-
-    Attributes
-    ----------
-    cause : Cause
-        The likeliest cause.
-    confidence : Confidence
-        How far to trust it.
-    evidence : tuple of str
-        What it rests on.
-    action : Action
-        What to do next.
-    others : tuple of Cause
-        Further causes that the data show or leave open.
-    """
-
-    cause: Cause
-    confidence: Confidence
-    evidence: tuple[str, ...]
-    action: Action
-    others: tuple[Cause, ...] = ()
-
-
-def not_assessable(reason: str) -> Diagnosis:
-    """Say why nothing can be said."""
-    return Diagnosis(
-        cause=Cause.NOT_ASSESSABLE,
-        confidence=Confidence.NONE,
-        evidence=(reason,),
-        action=Action.GET_DATA,
-    )
+# Of at least so many set-point moves, so large a part never gets there: the loop is slow.
+FEWEST_MOVES, NEVER_THERE = 3, 2 / 3
 
 
 def diagnose(indices: Indices, profile: ScoreProfile) -> Diagnosis:
@@ -101,20 +46,19 @@ def diagnose(indices: Indices, profile: ScoreProfile) -> Diagnosis:
     found = [
         diagnosis
         for diagnosis in (
-            _not_in_use(indices, profile),
-            _sensor(indices, profile),
-            _constraint(indices, profile),
+            not_in_use(indices, profile),
+            bad_sensor(indices, profile),
+            constrained(indices, profile),
+            output_at_rest(indices),
         )
         if diagnosis is not None
     ]
     if indices.control is not None:
         found += _control(indices.control, profile)
     elif not found:
-        return not_assessable(
-            "The controller was never in automatic, known and off its limits for long enough."
-        )
+        return not_assessable(never_free(indices))
     if not found:
-        return _healthy(indices)
+        return _healthy(indices, profile)
     first = found[0]
     further = (d.cause for d in found[1:] if d.cause is not first.cause)
     others = tuple(dict.fromkeys((*first.others, *further)))
@@ -124,60 +68,6 @@ def diagnose(indices: Indices, profile: ScoreProfile) -> Diagnosis:
         evidence=first.evidence,
         action=first.action,
         others=others,
-    )
-
-
-def _not_in_use(indices: Indices, profile: ScoreProfile) -> Diagnosis | None:
-    service = indices.usage.service_factor
-    if service is None or service >= profile.service_factor_least:
-        return None
-    return Diagnosis(
-        cause=Cause.NOT_IN_USE,
-        confidence=Confidence.HIGH,
-        evidence=(f"In automatic for {service:.0%} of the time with a known mode.",),
-        action=Action.ASK_OPERATORS,
-    )
-
-
-def _sensor(indices: Indices, profile: ScoreProfile) -> Diagnosis | None:
-    sensor = indices.sensor
-    evidence = []
-    if sensor.frozen:
-        evidence.append(f"PV stood still for {sensor.longest_flat:.4g} s while OP moved.")
-        if sensor.noise:
-            evidence.append("Its noise stopped too, which speaks for the measurement.")
-    if sensor.clipped is not None and sensor.clipped > profile.clipped_most:
-        evidence.append(f"{sensor.clipped:.0%} of PV lie clipped at an end of its range.")
-    if sensor.coarse:
-        evidence.append("PV moves by less than its own resolution.")
-    if sensor.good < profile.good_least:
-        evidence.append(f"Only {sensor.good:.0%} of PV have a good value.")
-    if not evidence:
-        return None
-    confidence = Confidence.HIGH if len(evidence) > 1 else Confidence.MEDIUM
-    if sensor.frozen:
-        evidence.append("A valve that does not move looks alike. " + MOVE_IT)
-    return Diagnosis(
-        cause=Cause.SENSOR,
-        confidence=confidence,
-        evidence=tuple(evidence),
-        action=Action.CHECK_SENSOR,
-        # A PV that stands still while OP moves may also be a valve that does not move.
-        others=(Cause.VALVE,) if sensor.frozen else (),
-    )
-
-
-def _constraint(indices: Indices, profile: ScoreProfile) -> Diagnosis | None:
-    usage = indices.usage
-    low, high, both = usage.saturated_low, usage.saturated_high, usage.saturated
-    if low is None or high is None or both is None or both <= profile.saturated_most:
-        return None
-    end = "upper" if high > low else "lower"
-    return Diagnosis(
-        cause=Cause.CONSTRAINT,
-        confidence=Confidence.HIGH,
-        evidence=(f"OP stood at a limit for {both:.0%} of the time, mostly the {end} one.",),
-        action=Action.CHECK_RANGE,
     )
 
 
@@ -191,6 +81,8 @@ def _control(control: ControlIndices, profile: ScoreProfile) -> list[Diagnosis]:
     elif control.load_responses.swinging and control.acf_decay.lively:
         found.append(_aggressive(control))
     loads = control.load_responses
+    if not found and profile.kind is not LoopKind.AVERAGING_LEVEL:
+        found += _never_there(control.set_point_moves)
     if loads.sluggish:
         found.append(
             Diagnosis(
@@ -215,6 +107,25 @@ def _control(control: ControlIndices, profile: ScoreProfile) -> list[Diagnosis]:
             )
         )
     return found
+
+
+def _never_there(moves: SetPointMoves) -> list[Diagnosis]:
+    """Set-point moves that PV had not followed when the next one came."""
+    count = len(moves.responses)
+    missed = sum(response.rise_time is None for response in moves.responses)
+    if count < FEWEST_MOVES or missed < NEVER_THERE * count:
+        return []
+    return [
+        Diagnosis(
+            cause=Cause.TUNING,
+            confidence=Confidence.LOW,
+            evidence=(
+                f"PV had not come through 90 % of {missed} of {count} set-point moves when the "
+                "next one came: the loop is sluggish, or its set point moves too soon.",
+            ),
+            action=Action.RETUNE,
+        )
+    ]
 
 
 def _aggressive(control: ControlIndices) -> Diagnosis:
@@ -278,12 +189,10 @@ def _oscillating(control: ControlIndices, main: OscillationComponent) -> Diagnos
     undecided = control.stiction.verdict is StictionVerdict.UNDECIDED
     if undecided:
         evidence.append("Whether the valve sticks is undecided.")
-    outer = control.set_point_oscillation
+    line = control.set_point_line
     others = (Cause.VALVE,) if undecided else ()
-    if outer is not None and any(
-        abs(wave.period / main.period - 1) < SAME_PERIOD for wave in outer.components
-    ):
-        evidence.append(OSCILLATING_SET_POINT.format(period=main.period))
+    if line is not None and line.drives:
+        evidence.append(OSCILLATING_SET_POINT.format(ratio=line.ratio))
         return Diagnosis(
             cause=Cause.DISTURBANCE,
             confidence=Confidence.HIGH,
@@ -312,12 +221,23 @@ def _oscillating(control: ControlIndices, main: OscillationComponent) -> Diagnos
     )
 
 
-def _healthy(indices: Indices) -> Diagnosis:
+def _healthy(indices: Indices, profile: ScoreProfile) -> Diagnosis:
     control = indices.control
     confidence = control.oscillation.basis.confidence if control is not None else Confidence.LOW
     evidence = ["In use, no oscillation found, the output free to move."]
     if control is not None and control.stiction.verdict is StictionVerdict.UNDECIDED:
         evidence.append("Whether the valve sticks is undecided.")
+    if control is not None and indices.error.basis.refused:
+        evidence.append("The error is not known: no set point was recorded.")
+        confidence = Confidence.LOW
+    sd, most = indices.error.sd_percent, profile.error_sd_percent_most
+    if sd is not None and sd >= most:
+        evidence.append(
+            f"But the error's standard deviation of {sd:.2g} % of span is beyond the {most:g} % "
+            f"that this kind of loop is graded by, and nothing found here explains it."
+        )
+        confidence = Confidence.LOW
+    evidence += valve_size_said(indices)
     return Diagnosis(
         cause=Cause.HEALTHY,
         confidence=confidence,

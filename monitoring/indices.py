@@ -13,6 +13,7 @@ from monitoring.minimum_variance import MinimumVariance
 from monitoring.model_mismatch import ModelMismatch
 from monitoring.oscillation import Oscillation
 from monitoring.sensor import SensorHealth
+from monitoring.set_point_line import SetPointLine
 from monitoring.set_point_moves import SetPointMoves
 from monitoring.stiction_result import Stiction
 from monitoring.usage import Usage
@@ -45,9 +46,11 @@ class ControlIndices:
 
     Attributes
     ----------
-    oscillation, set_point_oscillation : Oscillation
-        Oscillations of the error and of the set point; the latter None without a set point that
-        moves all the time.
+    oscillation : Oscillation
+        Oscillations of the error.
+    set_point_line : SetPointLine or None
+        Whether the set point swings with the strongest of them; None without one, and without a
+        set point.
     half_periods, acf_decay, load_responses, set_point_moves
         Indices of the same name.
     stiction : Stiction
@@ -61,7 +64,7 @@ class ControlIndices:
     """
 
     oscillation: Oscillation
-    set_point_oscillation: Oscillation | None
+    set_point_line: SetPointLine | None
     half_periods: HalfPeriods
     acf_decay: AcfDecay
     set_point_moves: SetPointMoves

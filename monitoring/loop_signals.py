@@ -13,6 +13,8 @@ FEWEST_SAMPLES = 30
 # OP within this part of its range of a limit counts as saturated. A valve rarely reaches the very
 # limit, and a controller's limits often stand a little inside.
 SATURATION_MARGIN = 0.005
+# A percentage that was recorded as a fraction of 1 lies within this part of its range.
+LOWEST_PART = 0.01
 # Samples that may be missing within a stretch; they are bridged by a straight line.
 BRIDGED = 3
 
@@ -209,7 +211,12 @@ def unfit(signals: LoopSignals) -> str | None:
     pv, op = signals.pv[known], signals.op[known]
     if np.ptp(pv) == 0 and np.ptp(op) == 0:
         return "neither PV nor OP ever moves: the loop was shut down or the data are frozen"
-    return _wrong_unit(pv, "PV", signals.pv_range) or _wrong_unit(op, "OP", signals.op_range)
+    return (
+        _wrong_unit(pv, "PV", signals.pv_range)
+        or _wrong_unit(op, "OP", signals.op_range)
+        or _lowest_part(pv, "PV", signals.pv_range)
+        or _lowest_part(op, "OP", signals.op_range)
+    )
 
 
 def _wrong_unit(values: Real, name: str, limits: tuple[float, float] | None) -> str | None:
@@ -224,4 +231,21 @@ def _wrong_unit(values: Real, name: str, limits: tuple[float, float] | None) -> 
     return (
         f"{share:.0%} of {name} lie outside its range {limits[0]:g} to {limits[1]:g}: "
         "check the unit or the range"
+    )
+
+
+def _lowest_part(values: Real, name: str, limits: tuple[float, float] | None) -> str | None:
+    """Find a signal that moves within the lowest hundredth of its range, as a fraction would.
+
+    One that rests at the very end is at its limit, and nothing is wrong with its unit.
+    """
+    if limits is None or np.ptp(values) == 0:
+        return None
+    low, end = limits[0], limits[0] + LOWEST_PART * (limits[1] - limits[0])
+    resting = np.count_nonzero(values == np.min(values))
+    if np.min(values) < low or np.max(values) > end or resting > 0.5 * values.size:
+        return None
+    return (
+        f"{name} never leaves the lowest {LOWEST_PART:.0%} of its range {limits[0]:g} to "
+        f"{limits[1]:g}: check the unit (a fraction of 1?) and the range, or the loop was shut down"
     )

@@ -80,6 +80,7 @@ def grade(indices: Indices, profile: ScoreProfile) -> Grade:
     Use counts the service factor, saturation its share over twice its limit, the error its
     standard deviation over its limit, oscillation its part of the variance, the valve one minus
     the probability of stiction, performance the minimum-variance index where it may be compared.
+    No loop gets more points than the part of the time in which it could control at all.
 
     Parameters
     ----------
@@ -96,7 +97,7 @@ def grade(indices: Indices, profile: ScoreProfile) -> Grade:
     weight = sum(w for w, _ in known)
     if weight < 0.25:
         return ungraded(profile)
-    total = sum(w * p for w, p in known) / weight
+    total = min(sum(w * p for w, p in known) / weight, 100 * _able(indices, profile))
     high, medium = weight >= 0.8, weight >= 0.5
     return Grade(
         word=GradeWord.GOOD if total >= 75 else GradeWord.FAIR if total >= 50 else GradeWord.POOR,
@@ -105,6 +106,23 @@ def grade(indices: Indices, profile: ScoreProfile) -> Grade:
         confidence=Confidence.HIGH if high else Confidence.MEDIUM if medium else Confidence.LOW,
         profile=profile.name,
     )
+
+
+def _able(indices: Indices, profile: ScoreProfile) -> float:
+    """Part of the time in automatic, off the limits and with a PV that tells something.
+
+    A loop that never was in automatic has no saturation to be praised for.
+    """
+    usage, sensor = indices.usage, indices.sensor
+    lost = [
+        1 - sensor.good,
+        0.0 if usage.service_factor is None else 1 - usage.service_factor,
+        usage.saturated or 0.0,
+        float(usage.travel == 0),
+        sensor.flat_share or 0.0 if sensor.frozen else 0.0,
+        sensor.clipped or 0.0 if (sensor.clipped or 0.0) > profile.clipped_most else 0.0,
+    ]
+    return 1 - max(lost)
 
 
 def _points(indices: Indices, profile: ScoreProfile) -> dict[str, float | None]:

@@ -29,18 +29,22 @@ class SensorHealth:
     Attributes
     ----------
     good : float
-        Part of the samples with a PV. [-]
+        Part with a PV of the samples in which PV or OP has a value: where neither was recorded,
+        the recording stood still and not the sensor. [-]
     noise : float or None
         Standard deviation of the white part of the noise. [PV]
     resolution : float or None
         Step between neighbouring values, where all lie on one grid. [PV]
     coarse : bool
         The resolution is coarser than the standard deviation of PV: statistics of PV are those
-        of its rounding.
+        of its rounding, and a PV that keeps one value says nothing.
     longest_flat : float or None
         Longest time in which PV kept one value. [s]
+    flat_share : float or None
+        Part of the known values in it. [-]
     frozen : bool
-        That was longer than a tenth of the record and 60 samples, and OP moved in it.
+        That was longer than a tenth of the record and 60 samples, OP moved in it, and PV is not
+        coarse.
     clipped : float or None
         Part of the samples that share the highest or the lowest value, where PV stays there. [-]
     compression : float or None
@@ -54,6 +58,7 @@ class SensorHealth:
     resolution: float | None
     coarse: bool
     longest_flat: float | None
+    flat_share: float | None
     frozen: bool
     clipped: float | None
     compression: float | None
@@ -69,33 +74,37 @@ def sensor_health(signals: LoopSignals) -> SensorHealth:
     """Judge the measurement from PV alone, and from OP whether it is frozen."""
     known = np.isfinite(signals.pv)
     pv = signals.pv[known]
-    good = float(pv.size / max(signals.pv.size, 1))
+    share = float(pv.size / max(signals.pv.size, 1))
+    recorded = int(np.count_nonzero(known | np.isfinite(signals.op)))
+    good = float(pv.size / max(recorded, 1))
     settings = (
         ("samples for the resolution", float(RESOLUTION_SAMPLES)),
         ("frozen share of the record", FROZEN_SHARE),
     )
     if pv.size < FEWEST_SAMPLES:
         return SensorHealth(
-            good=good, noise=None, resolution=None, coarse=False, longest_flat=None, frozen=False,
-            clipped=None, compression=None,
+            good=good, noise=None, resolution=None, coarse=False, longest_flat=None,
+            flat_share=None, frozen=False, clipped=None, compression=None,
             basis=refusal(f"{pv.size} values of PV are too few", settings=settings),
         )  # fmt: skip
     op = signals.op[known]
     first, last = _longest_run(pv)
     length = last - first
-    frozen = length > max(FROZEN_SHARE * pv.size, FROZEN_SAMPLES) and _moves(op[first:last])
+    flat = length > max(FROZEN_SHARE * pv.size, FROZEN_SAMPLES) and _moves(op[first:last])
     noise = noise_level(pv)
     resolution = resolution_of(pv)
+    coarse = resolution is not None and resolution > float(np.std(pv))
     return SensorHealth(
         good=good,
         noise=noise,
         resolution=resolution,
-        coarse=resolution is not None and resolution > float(np.std(pv)),
+        coarse=coarse,
         longest_flat=float((length - 1) * signals.dt),
-        frozen=frozen,
+        flat_share=length / pv.size,
+        frozen=flat and not coarse,
         clipped=_clipped(pv),
         compression=_compression(pv),
-        basis=graded(good, settings=settings),
+        basis=graded(share, settings=settings),
     )
 
 

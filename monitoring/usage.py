@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from loop.record import Mode
-from loop.signals import Flags
+from loop.signals import Flags, Real
 from monitoring.basis import Basis, graded, refusal
 from monitoring.loop_signals import SATURATION_MARGIN, LoopSignals
 
@@ -34,7 +34,8 @@ class Usage:
     travel : float or None
         sum |dOP| a day. [OP/d]
     reversals : float or None
-        Changes of direction of OP an hour, moves below the dead band left out. [1/h]
+        Changes of direction of OP an hour; one counts once OP has moved back by the dead band, in
+        however many samples. [1/h]
     mode_changes, manual_moves : float or None
         Changes of mode, and moves of the output in manual, a day. [1/d]
     basis : Basis
@@ -89,7 +90,6 @@ def usage(signals: LoopSignals, *, error_band: float = ERROR_BAND) -> Usage:
     moves = np.diff(signals.op)
     seen = np.isfinite(moves)
     hours = max(int(np.count_nonzero(seen)), 1) * signals.dt / 3600
-    real = moves[seen & (np.abs(moves) > OP_DEADBAND * signals.op_span)]
     doubts = () if signals.mode_known else ("the mode was not recorded",)
     return Usage(
         service_factor=_service(signals),
@@ -98,11 +98,44 @@ def usage(signals: LoopSignals, *, error_band: float = ERROR_BAND) -> Usage:
         saturated_low=float(np.count_nonzero(signals.low & known_op) / count),
         saturated_high=float(np.count_nonzero(signals.high & known_op) / count),
         travel=float(np.sum(np.abs(moves[seen])) / hours * 24),
-        reversals=float(np.count_nonzero(real[1:] * real[:-1] < 0) / hours),
+        reversals=reversals_of(signals.op[known_op], OP_DEADBAND * signals.op_span) / hours,
         mode_changes=_mode_changes(signals),
         manual_moves=_manual_moves(signals, moves),
         basis=graded(count / n, doubts, settings=settings),
     )
+
+
+def reversals_of(op: Real, dead_band: float) -> int:
+    """Count the changes of direction that remain when swings below a dead band are smoothed away.
+
+    A single sample of a slow move is always small; what counts is how far OP comes back.
+
+    Parameters
+    ----------
+    op : ndarray, shape (n,)
+        Output without gaps, one sample at least. [OP]
+    dead_band : float
+        Smallest move back that counts. [OP]
+    """
+    moved = op[np.r_[True, np.diff(op) != 0]]
+    up = np.diff(moved) > 0
+    ends = moved[np.r_[True, up[1:] != up[:-1], True]] if moved.size > 2 else moved
+    while ends.size > 1:
+        swings = np.abs(np.diff(ends))
+        before, after = np.r_[np.inf, swings[:-1]], np.r_[swings[1:], np.inf]
+        # The smallest swing of its neighbours goes with both its ends: what is left still turns
+        # at every point. At the ends of the record only the outer point goes. Of equal swings in
+        # a row every second one goes.
+        small = np.flatnonzero((swings < dead_band) & (swings <= before) & (swings <= after))
+        if not small.size:
+            break
+        places = np.arange(small.size)
+        firsts = np.where(np.r_[True, np.diff(small) > 1], places, 0)
+        small = small[(places - np.maximum.accumulate(firsts)) % 2 == 0]
+        inner = small[(small > 0) & (small < swings.size - 1)]
+        outer = [0] * int(small[0] == 0) + [swings.size] * int(small[-1] == swings.size - 1)
+        ends = np.delete(ends, np.r_[inner, inner + 1, outer].astype(np.int64))
+    return max(int(ends.size) - 2, 0)
 
 
 def _known_mode(signals: LoopSignals) -> Flags:

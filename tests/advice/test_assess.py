@@ -17,7 +17,7 @@ from loop.process import FOPDT, IPDT, SOPDT, PureDelay, TransferFunction
 from loop.record import Mode, Record
 from loop.simulation import simulate
 from loop.valve import Choudhury
-from monitoring.diagnosis import Action, Cause
+from monitoring.cause import Action, Cause
 from monitoring.known_loop import KnownLoop
 from monitoring.oscillation import OscillationVerdict
 from monitoring.scorecard import GradeWord

@@ -4,7 +4,7 @@ from advice.assess import assess
 from benchmarks.virtual_loops import State, virtual_loops
 from loop.plants import PLANT, routine_operation
 from monitoring.acf_decay import acf_decay
-from monitoring.diagnosis import Action, Cause
+from monitoring.cause import Action, Cause
 from monitoring.load_responses import load_responses
 from monitoring.loop_signals import Stretch
 

@@ -15,7 +15,7 @@ from loop.process import FOPDT
 from loop.record import Mode, Record
 from loop.signals import Real
 from monitoring.basis import Basis, Confidence
-from monitoring.diagnosis import Cause
+from monitoring.cause import Cause
 from monitoring.indices import ControlIndices, Indices, ModelIndices
 from monitoring.known_loop import KnownLoop
 from monitoring.scorecard import GradeWord

@@ -2,13 +2,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from loop.record import Mode
 from loop.signals import Codes, Real
 from monitoring.basis import Confidence, graded
 from monitoring.error_statistics import error_statistics
 from monitoring.loop_signals import LoopSignals, controlled_stretch, unfit
-from monitoring.usage import usage
+from monitoring.usage import reversals_of, usage
 
 
 def hour(
@@ -163,3 +165,45 @@ def test_every_doubt_takes_one_grade_and_low_is_the_floor() -> None:
     assert graded(0.9).confidence is Confidence.HIGH
     assert graded(0.4).confidence is Confidence.MEDIUM
     assert graded(0.4, ("a", "b", "c")).confidence is Confidence.LOW
+
+
+def slow_reversals(op: Real, dead_band: float) -> int:
+    """Follow OP sample by sample: it turns where it has come back by the dead band."""
+    high = low = op[0]
+    way = turns = 0
+    for value in op:
+        high, low = max(high, value), min(low, value)
+        if way >= 0 and high - value >= dead_band:
+            turns, way, low = turns + (way > 0), -1, value
+        elif way <= 0 and value - low >= dead_band:
+            turns, way, high = turns + (way < 0), 1, value
+        if way > 0:
+            low = value
+        elif way < 0:
+            high = value
+    return int(turns)
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    n=st.integers(1, 300),
+    digits=st.integers(0, 4),
+    dead_band=st.floats(0.05, 4.0),
+)
+def test_reversals_are_those_of_a_walk_along_the_output(
+    seed: int, n: int, digits: int, dead_band: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    op = np.round(np.cumsum(rng.normal(size=n)) if seed % 2 else rng.normal(size=n), digits)
+    assert reversals_of(op, dead_band) == slow_reversals(op, dead_band)
+
+
+@pytest.mark.parametrize("dt", [1.0, 10.0, 60.0])
+def test_reversals_do_not_depend_on_the_sample_time(dt: float) -> None:
+    t = np.arange(0.0, 36_000.0, dt)
+    slow = LoopSignals(dt=dt, pv=np.zeros(t.size), op=50 + 4 * np.cos(2 * np.pi * t / 600))
+    assert usage(slow).reversals == pytest.approx(12, rel=0.02)
+
+
+def test_an_output_that_flickers_below_the_dead_band_never_turns() -> None:
+    assert reversals_of(np.tile([50.0, 50.01], 40_000), 0.05) == 0
