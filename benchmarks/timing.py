@@ -11,11 +11,16 @@ from typing import TypeAlias
 
 Work: TypeAlias = Callable[[], object]
 
-# A clock reading costs about 0.1 us: a measurement this long makes that invisible.
-SHORTEST_MEASUREMENT = 0.002
+# A clock reading costs about 0.1 us, and the first call after other work finds the processor's
+# caches full of that: a measurement this long makes both small. [s]
+SHORTEST_MEASUREMENT = 0.01
 # Work shorter than this is called once a round without being timed: it would otherwise pay for
 # the data and code of the others in the processor's caches.
 WARMED_UP = 0.02
+# glibc gives freed memory back to the system until a block about as large as this was freed once;
+# from then on it keeps some, as in a process that has worked for a while. Without it, what ran
+# before would decide whether a work pays for new pages at every call. [bytes]
+LARGE_BLOCK = 30_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +76,8 @@ def interleaved(
     dict of str to Timing
         One entry a work, in the order given.
     """
+    block = bytearray(LARGE_BLOCK)
+    del block
     calls, short = {}, set()
     for name, work in works.items():
         work()

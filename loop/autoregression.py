@@ -102,10 +102,12 @@ def autocovariance(y: Real, lags: int) -> Real:
         Some lag has no pair of known samples.
     """
     known = np.isfinite(y)
-    z = np.where(known, y, 0.0)
-    z = np.where(known, z - np.sum(z) / max(np.count_nonzero(known), 1), 0.0)
     pairs = np.maximum(y.size - np.arange(lags + 1.0), 0.0)
-    if not known.all():
+    if known.all():
+        z = y - float(np.sum(y)) / max(y.size, 1)
+    else:
+        z = np.where(known, y, 0.0)
+        z = np.where(known, z - np.sum(z) / max(np.count_nonzero(known), 1), 0.0)
         pairs = np.round(_products(known.astype(np.float64), lags))
     if np.any(pairs < 1):
         raise PoorExcitation(
@@ -119,7 +121,8 @@ def _products(z: Real, lags: int) -> Real:
     length = scipy.fft.next_fast_len(z.size + lags, real=True)
     spectrum = scipy.fft.rfft(z, length)
     products = np.zeros(lags + 1)
-    found = scipy.fft.irfft(np.abs(spectrum) ** 2, length)[: lags + 1]
+    # Not |spectrum|^2: its root, and the square of that, take as long as the transform.
+    found = scipy.fft.irfft(spectrum.real**2 + spectrum.imag**2, length)[: lags + 1]
     products[: min(z.size, lags + 1)] = found[: z.size]
     return products
 

@@ -66,7 +66,8 @@ def bicoherence(error: Real) -> Bicoherence | None:
     Returns
     -------
     Bicoherence or None
-        None for fewer than 16 segments or an error that does not move.
+        None for fewer than 16 segments or an error that does not move. Products of three
+        transforms are taken in single precision: bic^2 is exact to about a millionth.
     """
     x = error[-MOST_SAMPLES:]
     segments = 2 * (x.size // SEGMENT) - 1
@@ -75,23 +76,22 @@ def bicoherence(error: Real) -> Bicoherence | None:
     rows = np.lib.stride_tricks.sliding_window_view(x, SEGMENT)[:: SEGMENT // 2][:segments]
     rows = rows - rows.mean(axis=1, keepdims=True)
     scale = float(np.std(rows)) or 1.0
-    # One line a frequency, so that picking frequencies copies whole lines.
-    X = np.ascontiguousarray(scipy.fft.rfft(rows / scale * np.hanning(SEGMENT), NFFT, axis=1).T)
-    power = X.real**2 + X.imag**2
+    X = scipy.fft.rfft(rows * (_window() / scale), NFFT, axis=1)
+    power = (X.real**2 + X.imag**2).T
+    # One line a frequency, so that picking frequencies copies whole lines. Single precision is
+    # exact to a millionth of bic^2 and halves the memory of all pairs, which is what takes time.
+    lines = np.ascontiguousarray(X.T, dtype=np.complex64)
     first, second = _principal_domain()
-    count = X.shape[1]
-    # Frequency by frequency: all pairs at once take ten times as long, for the memory they need.
-    sums = [
-        np.vecdot(X[f + LOWEST : f + high + 1], X[f] * X[LOWEST : high + 1])
-        for f, high in ((f, min(f, NFFT // 2 - f)) for f in range(LOWEST, NFFT // 2 - LOWEST + 1))
-    ]
-    numerator = np.abs(np.concatenate(sums)) ** 2
+    pairs = lines[first]
+    pairs *= lines[second]
+    sums = np.vecdot(lines[first + second], pairs)
+    numerator = (sums.real**2 + sums.imag**2).astype(np.float64)
     denominator = (power @ power.T)[first, second] * np.sum(power, axis=1)[first + second]
     if not float(np.max(denominator)) > 0:
         return None
     # Bifrequencies without power hold rounding alone; the floor keeps their ratio near zero.
     bic2 = numerator / (denominator + 1e-3 * float(np.mean(denominator)))
-    size = bic2.size
+    size, count = bic2.size, rows.shape[0]
     mean = float(np.mean(bic2))
     limit = (C_ALPHA + np.sqrt(4 * size - 1)) ** 2 / (4 * count * size)
     NGI = float(mean - limit)
@@ -100,6 +100,11 @@ def bicoherence(error: Real) -> Bicoherence | None:
         NLI=float(abs(np.max(bic2) - (mean + 2 * np.std(bic2)))) if NGI > NGI_LIMIT else None,
         segments=count,
     )
+
+
+@cache
+def _window() -> Real:
+    return np.asarray(np.hanning(SEGMENT))
 
 
 @cache

@@ -6,7 +6,6 @@ from enum import StrEnum
 
 import numpy as np
 import scipy.fft
-from scipy.linalg import cho_factor, cho_solve
 
 from loop.autoregression import autocovariance
 from loop.errors import PoorExcitation
@@ -107,19 +106,19 @@ def minimum_variance(
         raise ValueError(f"delay must be at least one sample, got {delay}")
     if order < 1:
         raise ValueError(f"order must be at least 1, got {order}")
-    fast = error.size >= FAST_FROM and bool(np.all(np.isfinite(error)))
+    known = int(np.count_nonzero(np.isfinite(error)))
+    fast = error.size >= FAST_FROM and known == error.size
     estimator = Estimator.AUTOCORRELATION if fast else Estimator.LEAST_SQUARES
     settings: tuple[Setting, ...] = (("order", float(order)), ("estimator", str(estimator)))
-    known = int(np.count_nonzero(np.isfinite(error)))
     most = max(min(known // (4 * order), 200), 1)
     try:
         _check_length(known, order, delay or 1)
         extended = delay is None
         b = _flat_horizon(error, order, most, fast=fast) if delay is None else delay
         if fast:
-            eta, low, high = _fast_eta(error, b, order)
+            eta, low, high, variance = _fast_eta(error, b, order)
         else:
-            eta = _eta(error, b, order)
+            eta, variance = _eta(error, b, order), float(np.nanvar(error))
             low, high = _interval(_block_etas(error, b, order), eta)
     except PoorExcitation as reason:
         return MinimumVariance(
@@ -134,7 +133,7 @@ def minimum_variance(
         eta=eta,
         low=low,
         high=high,
-        minimum_variance=eta * float(np.var(error) if fast else np.nanvar(error)),
+        minimum_variance=eta * variance,
         delay=b,
         order=order,
         estimator=estimator,
@@ -151,17 +150,23 @@ def _check_length(known: int, order: int, delay: int) -> None:
         )
 
 
-def _fast_eta(error: Real, delay: int, order: int) -> tuple[float, float | None, float | None]:
-    """Eta and its interval from the sums of products of eight blocks.
+def _fast_eta(
+    error: Real, delay: int, order: int
+) -> tuple[float, float | None, float | None, float]:
+    """Eta, its interval and the variance of the error from the sums of products of eight blocks.
 
     The products across the seams of the blocks are left out: 8 (b + m) of n.
     """
     blocks = min(error.size // (FEWEST_PER_ORDER * order + delay), MOST_BLOCKS) or 1
     rows = error[: error.size // blocks * blocks].reshape(blocks, -1)
-    products = _block_products(rows, delay + order, mean=float(np.mean(error)))
-    r = np.pad(products, ((0, 0), (0, 1))) / rows.shape[1]
-    eta = _fast_etas(r.mean(axis=0), [delay], order)[0]
-    return eta, *_interval(_row_etas(r[r[:, 0] > 0], delay, order), eta)
+    mean = float(np.mean(error))
+    products = _block_products(rows, delay + order, mean=mean)
+    rest = error[rows.size :] - mean
+    variance = float(products[:, 0].sum() + rest @ rest) / error.size
+    # The whole record comes first; a block that does not move says nothing.
+    r = np.vstack([products.mean(axis=0), products[products[:, 0] > 0]])
+    eta, *of_blocks = _fast_etas(r, [delay], order)[:, 0].tolist()
+    return eta, *_interval(of_blocks, eta), variance
 
 
 def _block_products(rows: Real, lags: int, *, mean: float = 0.0) -> Real:
@@ -197,31 +202,17 @@ def _eta(error: Real, delay: int, order: int) -> float:
     return float(min(fit.noise_variance / variance, 1.0))
 
 
-def _fast_etas(r: Real, delays: list[int], order: int) -> list[float]:
-    """Eta of several delays: toeplitz(r) a = r[b..], eta = 1 - a r[b..]/r[0]."""
-    if not r[0] > 0:
+def _fast_etas(r: Real, delays: list[int], order: int) -> Real:
+    """Eta of every row at several delays: toeplitz(r) a = r[b..], eta = 1 - a r[b..]/r[0]."""
+    if not r[0, 0] > 0:
         raise PoorExcitation("the error does not move")
-    i = np.arange(order)
-    # A jitter of 1e-12 keeps the matrix of a signal without noise factorable.
-    matrix = (r / r[0])[np.abs(i[:, None] - i)] + 1e-12 * np.eye(order)
-    factor = cho_factor(matrix, check_finite=False)
-    etas = []
-    for b in delays:
-        right = r[b : b + order] / r[0]
-        etas.append(
-            float(np.clip(1 - right @ cho_solve(factor, right, check_finite=False), 0.0, 1.0))
-        )
-    return etas
-
-
-def _row_etas(r: Real, delay: int, order: int) -> list[float]:
-    """Eta of every row at one delay; solving them at once takes the time of two."""
     rho = r / r[:, :1]
     i = np.arange(order)
+    # A jitter of 1e-12 keeps the matrix of a signal without noise solvable.
     matrices = rho[:, np.abs(i[:, None] - i)] + 1e-12 * np.eye(order)
-    right = rho[:, delay : delay + order, None]
-    explained = np.sum(right * np.linalg.solve(matrices, right), axis=(1, 2))
-    return [float(eta) for eta in np.clip(1 - explained, 0.0, 1.0)]
+    right = rho[:, i[:, None] + delays]
+    explained = np.sum(right * np.linalg.solve(matrices, right), axis=1)
+    return np.asarray(np.clip(1 - explained, 0.0, 1.0))
 
 
 def _flat_horizon(error: Real, order: int, most: int, *, fast: bool) -> int:
@@ -230,7 +221,7 @@ def _flat_horizon(error: Real, order: int, most: int, *, fast: bool) -> int:
     horizons = [b for b in horizons if b <= most] or [1]
     if fast:
         r = autocovariance(error, horizons[-1] + order)
-        etas = _fast_etas(r, horizons, order)
+        etas = _fast_etas(r[None], horizons, order)[0].tolist()
     else:
         etas = [_eta(error, b, order) for b in horizons]
     for b, here, ahead in zip(horizons, etas, etas[1:], strict=False):

@@ -72,14 +72,16 @@ def _hann(length: int) -> Real:
 
 
 @lru_cache(maxsize=16)
-def _way(length: int) -> Real:
-    return np.linspace(-1.0, 1.0, length)
+def _way(length: int) -> tuple[Real, float]:
+    """Go from -1 to 1 in even steps, and the sum of their squares."""
+    way = np.linspace(-1.0, 1.0, length)
+    return way, float(way @ way)
 
 
 def _without_line(signal: Real) -> Real:
     """Take mean and slope off."""
-    way = _way(signal.size)
-    slope = float(signal @ way) / float(way @ way)
+    way, squares = _way(signal.size)
+    slope = float(signal @ way) / squares
     mean = float(signal.mean())
     still = np.empty(signal.size)
     for a in range(0, signal.size, BLOCK):
@@ -127,10 +129,9 @@ def _bands(bins: int) -> tuple[tuple[tuple[int, int, int], ...], Real]:
 
 
 def _median(values: Real) -> float:
-    """Median; np.median spends most of its time on other things than short rows."""
-    low, high = (values.size - 1) // 2, values.size // 2
-    parted = np.partition(values, (low, high))
-    return float(parted[low] + parted[high]) / 2
+    """Median of a short row; np.median and np.partition spend their time on other things."""
+    row = np.sort(values)
+    return float(row[(row.size - 1) // 2] + row[row.size // 2]) / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -35,6 +35,14 @@ def test_long_records_rest_on_the_products_within_eight_blocks(delay: int) -> No
     assert minimum_variance(error, delay=delay).eta == pytest.approx(expected, rel=1e-6)
 
 
+def test_the_variance_counts_the_samples_behind_the_last_block_too() -> None:
+    error = 50 + closed_loop(0.3, 20_007)
+    error[-7:] += 30
+    found = minimum_variance(error, delay=3)
+    assert found.eta is not None
+    assert found.minimum_variance == pytest.approx(found.eta * np.var(error), rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("K", "index"), [(0.1, 0.4166), (0.3, 0.8321), (0.5, 0.8836), (0.8, 0.4991)]
 )

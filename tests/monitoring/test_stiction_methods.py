@@ -145,6 +145,30 @@ def test_bicoherence_fires_on_a_skewed_signal_and_is_silent_on_gaussian_and_symm
     assert bicoherence(np.zeros(4096)) is None
 
 
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_bicoherence_is_that_of_its_definition_in_any_unit(scale: float) -> None:
+    x = lfilter([1.0], [1.0, -0.6], np.random.default_rng(4).normal(size=4096))
+    x = scale * (x + 0.3 * x**2)
+    x[2000] += 40 * scale
+    found = bicoherence(x)
+    assert found is not None
+    rows = np.array([x[k : k + 64] for k in range(0, 4096 - 63, 32)])
+    X = np.fft.fft((rows - rows.mean(axis=1, keepdims=True)) * np.hanning(64), 128)
+    bic2, floors = [], []
+    for f in range(2, 63):
+        for g in range(2, min(f, 64 - f) + 1):
+            pair, both = X[:, f] * X[:, g], X[:, f + g]
+            bic2.append(abs(np.sum(pair * np.conj(both))) ** 2)
+            floors.append(np.sum(np.abs(pair) ** 2) * np.sum(np.abs(both) ** 2))
+    ratio = np.array(bic2) / (np.array(floors) + 1e-3 * np.mean(floors))
+    size, count = ratio.size, len(rows)
+    limit = (1.645 + np.sqrt(4 * size - 1)) ** 2 / (4 * count * size)
+    non_gaussian = np.mean(ratio) - limit
+    nonlinear = abs(np.max(ratio) - np.mean(ratio) - 2 * np.std(ratio))
+    # the pairs are in single precision
+    np.testing.assert_allclose([found.NGI, found.NLI], [non_gaussian, nonlinear], rtol=1e-5)
+
+
 @pytest.mark.parametrize("S", [1.0, 5.0])
 def test_the_apparent_stiction_of_a_dead_band_shrinks_from_its_width_with_the_lag(S: float) -> None:
     op = 10 * np.sin(2 * np.pi * np.arange(3000) / 100)
