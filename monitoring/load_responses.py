@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loop.signals import Real
+from loop.signals import Flags, Real
 from monitoring.basis import Basis, graded, refusal
 from monitoring.loop_signals import Stretch
 from monitoring.sensor import noise_level
@@ -140,28 +140,40 @@ def smoothed(signal: Real, width: int) -> Real:
 def _idle_times(pv: Real, op: Real, sign: int) -> tuple[float, float]:
     """Samples in which OP and PV move with, and against, the sign of the gain; rest left out."""
     width = max(pv.size // 10, 3)
-    dpv = np.diff(smoothed(pv, width))
-    dop = np.diff(smoothed(op, width))
-    still = (np.abs(dpv) < 0.02 * np.max(np.abs(dpv), initial=0)) | (
-        np.abs(dop) < 0.02 * np.max(np.abs(dop), initial=0)
-    )
+    dpv, dop = smoothed_steps(pv, width), smoothed_steps(op, width)
+    moving = _moving(dpv) & _moving(dop)
     product = sign * dpv * dop
     return (
-        float(np.count_nonzero((product > 0) & ~still)),
-        float(np.count_nonzero((product < 0) & ~still)),
+        float(np.count_nonzero((product > 0) & moving)),
+        float(np.count_nonzero((product < 0) & moving)),
     )
+
+
+def smoothed_steps(signal: Real, width: int) -> Real:
+    """Steps of the centred moving mean: what enters it less what leaves it, without any sum."""
+    width = max(min(width, signal.size // 3), 1) | 1
+    half = width // 2
+    ends = np.full(half, signal[0]), np.full(half, signal[-1])
+    padded = np.concatenate((ends[0], signal, ends[1]))
+    return np.asarray((padded[width:] - padded[:-width]) / width)
+
+
+def _moving(steps: Real) -> Flags:
+    size = np.abs(steps)
+    return np.asarray(size >= 0.02 * size.max(initial=0.0))
 
 
 def _area_index(op: Real) -> float | None:
     """Largest inner area over all but the last, of OP about its final value."""
-    final = float(np.mean(op[-max(op.size // 10, 2) :]))
+    final = float(op[-max(op.size // 10, 2) :].mean())
     away = smoothed(op, max(op.size // 20, 3)) - final
-    turns = np.flatnonzero((away[1:] > 0) != (away[:-1] > 0)) + 1
-    areas = np.abs(np.add.reduceat(away, np.r_[0, turns]))
-    whole = float(np.sum(areas[:-1]))
-    if areas.size < 3 or not whole > 0:
+    above = away > 0
+    turns = np.flatnonzero(above[1:] != above[:-1]) + 1
+    if turns.size < 2:
         return None
-    return float(np.max(areas[:-2])) / whole
+    areas = np.abs(np.add.reduceat(away, np.concatenate(([0], turns))))
+    whole = float(areas[:-1].sum())
+    return float(areas[:-2].max()) / whole if whole > 0 else None
 
 
 def _action_seen(stretch: Stretch) -> int:

@@ -20,6 +20,8 @@ MOST_BLOCKS = 8
 FAST_FROM = 5000
 # Lags up to which products by matrices are faster than by transforms.
 FEW_LAGS = 100
+# Samples of a line of such a matrix. [samples]
+LINE = 16
 # The extended horizon is judged where eta has risen by less than this over half its delay again.
 FLAT = 0.02
 
@@ -172,24 +174,25 @@ def _fast_eta(
 def _block_products(rows: Real, lags: int, *, mean: float = 0.0) -> Real:
     """Sum over t of z[t] z[t+k] of every row less the mean for k = 0..lags - 1.
 
-    A row laid out in lines of `lags` samples gives them all by one matrix product, twice as fast
-    as the transform while there are few.
+    A row laid out in lines of 16 samples gives sixteen of them by one matrix product of the lines
+    with those that lie so many lines ahead, twice as fast as the transform while there are few.
     """
     count, n = rows.shape
     if lags > FEW_LAGS:
         length = scipy.fft.next_fast_len(n + lags, real=True)
         X = scipy.fft.rfft(rows - mean, length, axis=1)
         return np.asarray(scipy.fft.irfft(X.real**2 + X.imag**2, length, axis=1)[:, :lags])
-    lines = -(-n // lags)
-    padded = np.zeros((lines + 1) * lags)
-    A = padded.reshape(lines + 1, lags)
-    B = np.empty((count, lags, 2 * lags))
+    lines, ahead = -(-n // LINE), -(-(lags - 1) // LINE) + 1
+    padded = np.zeros((lines + ahead) * LINE)
+    A = padded.reshape(-1, LINE)
+    B = np.empty((count, LINE, ahead * LINE))
     for row, found in zip(rows, B, strict=True):
         np.subtract(row, mean, out=padded[:n])
-        np.matmul(A[:-1].T, A[:-1], out=found[:, :lags])
-        np.matmul(A[:-1].T, A[1:], out=found[:, lags:])
-    i = np.arange(lags)
-    return np.asarray(B[:, i, i + i[:, None]].sum(axis=2))
+        for k in range(ahead):
+            part = found[:, k * LINE : (k + 1) * LINE]
+            np.matmul(A[:lines].T, A[k : k + lines], out=part)
+    i = np.arange(LINE)
+    return np.asarray(B[:, i, i + np.arange(lags)[:, None]].sum(axis=2))
 
 
 def _eta(error: Real, delay: int, order: int) -> float:

@@ -317,8 +317,8 @@ class BandFilter:
         sums = np.add.reduceat(power, starts)
         places = np.add.reduceat(power * np.arange(power.size), starts)
         away = places / np.maximum(sums, np.finfo(np.float64).tiny) - kept.size // 2
-        turns = (2j * np.pi * step / self.length) * away[:, None] * np.arange(lags + 1)
-        r = sums @ np.exp(turns)
+        turns = np.vander(np.exp(2j * np.pi * step / self.length * away), lags + 1, increasing=True)
+        r = sums @ turns
         return Lags(r=r, cycles=(first + kept.size // 2) * step / self.length)
 
     def _wave(self, period: float, width: float, length: int) -> Real:

@@ -9,7 +9,7 @@ from loop.process import FOPDT
 from loop.signals import Real
 from loop.simulation import simulate
 from monitoring.basis import Confidence
-from monitoring.load_responses import load_responses
+from monitoring.load_responses import load_responses, smoothed, smoothed_steps
 from monitoring.loop_signals import Stretch
 from monitoring.minimum_variance import Estimator, minimum_variance
 
@@ -154,3 +154,12 @@ def test_without_clear_load_responses_there_is_no_index() -> None:
     assert found.basis.refused
     assert found.responses == 0
     assert load_responses(loaded(2.0, 20.0, with_sp=False)).responses >= 3
+
+
+@pytest.mark.parametrize("width", [1, 3, 4, 11, 500])
+@pytest.mark.parametrize("n", [4, 12, 57])
+def test_the_steps_of_a_moving_mean_need_no_sum(n: int, width: int) -> None:
+    signal = np.random.default_rng(n).normal(size=n).cumsum()
+    np.testing.assert_allclose(
+        smoothed_steps(signal, width), np.diff(smoothed(signal, width)), atol=1e-13
+    )
