@@ -13,9 +13,11 @@ from advice.plantwide_result import (
     OscillationGroup,
     PlantOscillations,
     Suspect,
+    TransferredInformation,
 )
 from advice.suspicion import doubts_of, evidence_of, group_reason
 from advice.swings import Grid, Swing, swings_of
+from advice.transfers import Transfer, doubt_of_entropy, told_by_entropy, transfers_of
 from historian.resampling import even_record
 from loop.record import Record
 from loop.signals import Codes, Flags, Real
@@ -152,13 +154,14 @@ def _groups(
         levels=tuple(tag in levels for tag in tags),
     )
     return tuple(
-        _group(swing, [tags[member] for member in swing.members], dt)
+        _group(swing, [tags[member] for member in swing.members], dt, seed)
         for swing in swings_of(grid, seed=seed)
     )
 
 
-def _group(swing: Swing, tags: Sequence[str], dt: float) -> OscillationGroup:
+def _group(swing: Swing, tags: Sequence[str], dt: float, seed: int) -> OscillationGroup:
     named = swing.origin.named
+    transfers = transfers_of(swing, seed=seed)
     order = np.argsort(-np.array(swing.origin.probabilities), kind="stable").tolist()
     compared = [tags[k] for k in swing.compared]
     arrows = tuple(
@@ -183,17 +186,29 @@ def _group(swing: Swing, tags: Sequence[str], dt: float) -> OscillationGroup:
         source=None if named is None else tags[named],
         elsewhere=swing.origin.elsewhere,
         reason=group_reason(swing, tags),
-        suspects=tuple(_suspect(swing, place, tags, dt) for place in order),
+        suspects=tuple(_suspect(swing, transfers, place, tags, dt) for place in order),
         arrows=arrows,
         order=swing.arrows.order,
         delays=delays,
         graph=_graph([tags[place] for place in order], arrows, delays),
-        doubts=doubts_of(swing),
+        transfers=tuple(_transfer(one, tags, dt) for one in transfers),
+        doubts=tuple(said for said in (*doubts_of(swing), doubt_of_entropy(transfers)) if said),
     )
 
 
-def _suspect(swing: Swing, place: int, tags: Sequence[str], dt: float) -> Suspect:
-    evidence = evidence_of(swing, place, tags, dt)
+def _transfer(one: Transfer, tags: Sequence[str], dt: float) -> TransferredInformation:
+    return TransferredInformation(
+        cause=tags[one.cause], effect=tags[one.effect], value=one.found.value,
+        by_chance=one.found.by_chance, p_value=one.found.p_value, beyond=one.found.beyond,
+        significant=one.found.significant, delay=None if one.delay is None else one.delay * dt,
+    )  # fmt: skip
+
+
+def _suspect(
+    swing: Swing, transfers: Sequence[Transfer], place: int, tags: Sequence[str], dt: float
+) -> Suspect:
+    entropy = told_by_entropy(transfers, place, tags, dt)
+    evidence = (*evidence_of(swing, place, tags, dt), *([entropy] if entropy else []))
     return Suspect(
         tag=tags[place],
         probability=swing.origin.probabilities[place],

@@ -68,6 +68,39 @@ class Arrow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TransferredInformation:
+    """Transfer entropy from one loop to another.
+
+    Attributes
+    ----------
+    cause, effect : str
+        Tags.
+    value : float or None
+        What the past of the cause tells beyond that of the effect; None where the record is too
+        short. [nat]
+    by_chance : float or None
+        Mean over causes shifted in time. [nat]
+    p_value : float or None
+        Share of shifted causes that tell as much, the true one among them. [-]
+    beyond : float or None
+        Standard deviations above the shifted causes. [-]
+    significant : bool
+        Above every shifted cause, and three standard deviations above their mean.
+    delay : float or None
+        Delay at which the cause tells most. [s]
+    """
+
+    cause: str
+    effect: str
+    value: float | None
+    by_chance: float | None
+    p_value: float | None
+    beyond: float | None
+    significant: bool
+    delay: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Delay:
     """By how much one loop follows another.
 
@@ -148,6 +181,9 @@ class OscillationGroup:
         Every pair that was measured.
     graph : Graph
         Both as matrices.
+    transfers : tuple of TransferredInformation
+        Between the likeliest source and its two nearest rivals, both ways; empty in groups in
+        which more than four loops are compared. The probabilities do not rest on it.
     doubts : tuple of str
         What could not be judged, and why.
     """
@@ -162,6 +198,7 @@ class OscillationGroup:
     order: int | None
     delays: tuple[Delay, ...]
     graph: Graph
+    transfers: tuple[TransferredInformation, ...]
     doubts: tuple[str, ...]
 
 

@@ -73,6 +73,8 @@ class Swing:
         Their indices, with reasons where there is none.
     compared : tuple of int
         Places in `members` of the loops that arrows and delays are about.
+    signals : ndarray, shape (c, n)
+        What the regressions see of these: averages of `thinning` samples, of the last cycles.
     arrows : Granger
         Who predicts whom, places as in `compared`; lags in thinned samples.
     delays : tuple of Propagation
@@ -89,6 +91,7 @@ class Swing:
     loops: tuple[LoopEvidence, ...]
     nonlinear: tuple[Nonlinearity, ...]
     compared: tuple[int, ...]
+    signals: Real
     arrows: Granger
     delays: tuple[Propagation, ...]
     origin: Origin
@@ -167,7 +170,8 @@ def _swing(
     order = np.argsort(-coherence[members], kind="stable")[:MOST_COMPARED]
     compared = tuple(sorted(int(k) for k in order))
     chosen = signals[list(compared)]
-    arrows = _among_different(chosen, period, seed)
+    seen = _thinned(chosen, period)
+    arrows = _among_different(chosen, seen, seed)
     delays = propagation(chosen, period)
     return Swing(
         members=tuple(members),
@@ -178,6 +182,7 @@ def _swing(
         loops=loops,
         nonlinear=nonlinear,
         compared=compared,
+        signals=seen,
         arrows=arrows,
         delays=delays,
         origin=_among(len(members), compared, loops, arrows, delays, period),
@@ -208,9 +213,20 @@ def _share(found: Oscillation) -> float:
     return 0.0 if found.main is None else found.main.share
 
 
+def thinning(period: float) -> int:
+    """Count the samples that are averaged to one, so that a cycle has about a score.
+
+    Parameters
+    ----------
+    period : float
+        Period. [samples]
+    """
+    return max(int(period // A_CYCLE), 1)
+
+
 def _thinned(signals: Real, period: float) -> Real:
     """Average to a score of samples a cycle, of the last cycles."""
-    step = max(int(period // A_CYCLE), 1)
+    step = thinning(period)
     last = signals[:, -int(MOST_CYCLES * period) :]
     rows, n = last.shape
     return np.asarray(np.mean(last[:, : n // step * step].reshape(rows, -1, step), axis=2))
@@ -258,7 +274,7 @@ def _shown(found: Oscillation, period: float) -> float:
     return main.share * (main.end - main.start)
 
 
-def _among_different(signals: Real, period: float, seed: int) -> Granger:
+def _among_different(signals: Real, seen: Real, seed: int) -> Granger:
     """Test who predicts whom, loops that show one and the same signal taken as one.
 
     Two loops on one transmitter tell the same: with the one allowed for, the other adds nothing,
@@ -267,7 +283,7 @@ def _among_different(signals: Real, period: float, seed: int) -> Granger:
     same = np.abs(np.corrcoef(signals)) >= THE_SAME
     first = np.argmax(same, axis=1)
     different = np.unique(first)
-    found = granger(_thinned(signals[different], period), seed=seed)
+    found = granger(seen[different], seed=seed)
     if different.size == len(signals):
         return found
     twins = [np.flatnonzero(first == place) for place in different]

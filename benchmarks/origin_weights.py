@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from advice.swings import Grid, Swing, swings_of
 from benchmarks.shared_swings import Origin, SharedSwing, Topology, shared_swings
 from loop.signals import Real
-from monitoring.origin import NAMES, WEIGHTS, OriginModel, origin_features
+from monitoring.origin import NAMES, WEIGHTS, OriginModel, origin_features, strongest_arrow
 
 SEED, COUNT = 1, 16
 RIDGE = 1.0
@@ -39,6 +39,8 @@ class Example:
         What was found; None where no group holds the loop where it begins.
     features : ndarray, shape (m, k)
         Features of the loops of the group.
+    strongest : float
+        Of its arrows, as the model takes it.
     """
 
     topology: Topology
@@ -46,6 +48,7 @@ class Example:
     truth: int | None
     swing: Swing | None
     features: Real
+    strongest: float
 
 
 def examples(seed: int, count: int) -> Iterator[Example]:
@@ -83,11 +86,14 @@ def example(plant: SharedSwing) -> Example:
     if swing is not None and plant.source is not None:
         truth = swing.members.index(plant.source)
     features: Real = np.zeros((0, len(NAMES)))
+    strongest = 0.0
     if swing is not None:
         features = origin_features(swing.loops, swing.arrows, swing.delays, swing.period)
+        strongest = strongest_arrow(swing.arrows)
     return Example(
-        topology=plant.topology, origin=plant.origin, truth=truth, swing=swing, features=features
-    )
+        topology=plant.topology, origin=plant.origin, truth=truth, swing=swing,
+        features=features, strongest=strongest,
+    )  # fmt: skip
 
 
 def _holds(swing: Swing, source: int | None) -> bool:
@@ -121,15 +127,19 @@ def fitted(found: list[Example]) -> OriginModel:
     groups = [one for one in found if one.swing is not None]
 
     def loss(w: Real) -> float:
-        model = OriginModel(weights=w[1:], elsewhere=float(w[0]))
         chances = [
-            model.probabilities(one.features)[-1 if one.truth is None else one.truth]
+            _model(w).probabilities(one.features, one.strongest)[
+                -1 if one.truth is None else one.truth
+            ]
             for one in groups
         ]
         return float(-np.sum(np.log(np.maximum(chances, 1e-12))) + RIDGE / 2 * (w[1:] @ w[1:]))
 
-    w = minimize(loss, np.zeros(1 + len(NAMES)), method="BFGS").x
-    return OriginModel(weights=w[1:], elsewhere=float(w[0]))
+    return _model(minimize(loss, np.zeros(2 + len(NAMES)), method="BFGS").x)
+
+
+def _model(w: Real) -> OriginModel:
+    return OriginModel(elsewhere=float(w[0]), strongest=float(w[1]), weights=w[2:])
 
 
 def main() -> None:
@@ -140,6 +150,7 @@ def main() -> None:
         "names": NAMES,
         "weights": [round(float(w), 4) for w in model.weights],
         "elsewhere": round(model.elsewhere, 4),
+        "strongest": round(model.strongest, 4),
         "plants": len(found),
         "groups": sum(one.swing is not None for one in found),
     }

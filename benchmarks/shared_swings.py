@@ -16,13 +16,15 @@ from loop.errors import LoopDiverged
 from loop.experiment import Experiment
 from loop.interacting import simulate_cascade, simulate_interacting
 from loop.open_loop import process_output
-from loop.process import FOPDT
+from loop.process import FOPDT, IPDT, SOPDT, Process
 from loop.record import Record
 from loop.signals import Real
 from loop.simulation import Response, simulate
 from loop.valve import Choudhury, He, Kano, Valve
 
 LOOPS = 4
+# Loops' own processes, and how many of a hundred are of each kind.
+KINDS, PARTS = ("one lag", "two lags", "integrator"), (0.4, 0.3, 0.3)
 SAMPLES = 4000
 SETTLED = 600
 START = datetime(2026, 1, 31, tzinfo=UTC)
@@ -66,6 +68,16 @@ class SharedSwing:
     origin: Origin
     source: int | None
     records: tuple[Record, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Loop:
+    """A process with its controller; lag and delay as the tuning took them. [s]"""
+
+    process: FOPDT | SOPDT | IPDT
+    pid: PID
+    lag: float
+    delay: float
 
 
 def shared_swings(
@@ -117,7 +129,7 @@ def _plant(topology: Topology, origin: Origin, rng: np.random.Generator) -> Shar
         runs = _cascade(loops, rest, waves, rng)
     else:
         runs = simulate_interacting(
-            _couplings(topology, [p for p, _ in loops], rng), [c for _, c in loops], rest
+            _couplings(topology, loops, rng), [one.pid for one in loops], rest
         )
     return SharedSwing(
         topology=topology, origin=origin,
@@ -126,14 +138,28 @@ def _plant(topology: Topology, origin: Origin, rng: np.random.Generator) -> Shar
     )  # fmt: skip
 
 
-def _loop(rng: np.random.Generator, *, tight: bool = False) -> tuple[FOPDT, PID]:
-    """Make a process with dead time and a PI by SIMC, from usual to slow, or far too tight."""
+def _loop(rng: np.random.Generator, *, tight: bool = False) -> _Loop:
+    """Make a loop with a PI by SIMC, from usual to slow, or far too tight.
+
+    A valve's square wave comes out of one lag with corners, out of two or of an integrator rounded.
+    """
     theta = float(np.exp(rng.uniform(np.log(1.5), np.log(8.0))))
     tau = theta * float(np.exp(rng.uniform(np.log(1.0), np.log(6.0))))
-    process = FOPDT(K=rng.uniform(0.6, 1.6), tau=tau, theta=theta)
+    K = rng.uniform(0.6, 1.6)
+    second = tau * rng.uniform(0.2, 1.0)
+    kind = "one lag" if tight else rng.choice(KINDS, p=PARTS)
+    process: FOPDT | SOPDT | IPDT = FOPDT(K=K, tau=tau, theta=theta)
+    delay, lag = theta + 0.5, tau
+    if kind == "two lags":
+        process = SOPDT(K=K, tau1=tau, tau2=second, theta=theta)
+        delay, lag = delay + second / 2, tau + second / 2
+    elif kind == "integrator":
+        process = IPDT(K=K / tau, theta=theta)
     tau_c = theta * (rng.uniform(-0.36, -0.3) if tight else np.exp(rng.uniform(0.0, np.log(4.0))))
-    Ti = min(tau, 4 * (tau_c + theta + 0.5))
-    return process, PID(Kc=tau / (process.K * (tau_c + theta + 0.5)), Ti=Ti)
+    reset = 4 * (tau_c + delay)
+    Ti = reset if kind == "integrator" else min(lag, reset)
+    return _Loop(process=process, pid=PID(Kc=lag / (K * (tau_c + delay)), Ti=Ti), lag=lag,
+                 delay=delay)  # fmt: skip
 
 
 def _valve(rng: np.random.Generator) -> Valve:
@@ -182,11 +208,11 @@ def _between(rng: np.random.Generator) -> FOPDT:
 
 
 def _couplings(
-    topology: Topology, own: list[FOPDT], rng: np.random.Generator
-) -> list[list[FOPDT | None]]:
-    processes: list[list[FOPDT | None]] = [[None] * LOOPS for _ in range(LOOPS)]
+    topology: Topology, loops: list[_Loop], rng: np.random.Generator
+) -> list[list[Process | None]]:
+    processes: list[list[Process | None]] = [[None] * LOOPS for _ in range(LOOPS)]
     for k in range(LOOPS):
-        processes[k][k] = own[k]
+        processes[k][k] = loops[k].process
         if k:
             processes[k][0 if topology is Topology.UTILITY else k - 1] = _between(rng)
     if topology is Topology.RECYCLE:
@@ -196,28 +222,30 @@ def _couplings(
 
 
 def _cascade(
-    loops: list[tuple[FOPDT, PID]],
+    loops: list[_Loop],
     rest: list[Experiment],
     waves: list[Real],
     rng: np.random.Generator,
 ) -> list[Response]:
     """Run an outer loop A over an inner loop B whose flow also moves C, which moves D."""
-    (inner, inner_pid), outer = loops[1], _loop(rng)[0]
-    slow = FOPDT(K=outer.K, tau=5 * outer.tau + 5 * inner.tau, theta=2 * outer.theta + inner.theta)
-    closed = 2 * inner.theta + 1.0  # the inner loop takes about so long to follow
+    inner, outer = loops[1], _loop(rng)
+    slow = FOPDT(
+        K=rng.uniform(0.6, 1.6), tau=5 * outer.lag + 5 * inner.lag,
+        theta=2 * outer.delay + inner.delay,
+    )  # fmt: skip
+    closed = 2 * inner.delay  # the inner loop takes about so long to follow
     Ti = min(slow.tau, 8 * (slow.theta + closed))
     outer_pid = PID(Kc=slow.tau / (slow.K * 3 * (slow.theta + closed)), Ti=Ti)
-    run = simulate_cascade(slow, inner, outer_pid, inner_pid, outer=rest[0], inner=rest[1])
+    run = simulate_cascade(slow, inner.process, outer_pid, inner.pid, outer=rest[0], inner=rest[1])
     runs = [run.outer, run.inner]
     for k in (2, 3):
         moved = runs[-1].position if k == 2 else runs[-1].op
         wave = process_output(_between(rng), runs[-1].t, moved - moved[0], op_before=0.0)
-        process, pid = loops[k]
         item = rest[k]
         runs.append(
             simulate(
-                process, pid, t_end=item.t_end, dt=1.0, pv0=50.0, op0=50.0, load=item.load,
-                noise=item.noise, output_load=wave + waves[k],
+                loops[k].process, loops[k].pid, t_end=item.t_end, dt=1.0, pv0=50.0, op0=50.0,
+                load=item.load, noise=item.noise, output_load=wave + waves[k],
             )
         )  # fmt: skip
     return runs

@@ -84,7 +84,7 @@ def run() -> Section:
         targets=(
             Target(
                 what="runs of IDV 14 whose groups name the reactor cooling valve alone",
-                limit=len(reactor), reached=sum(_named(one) == one.truth for one in reactor),
+                limit=len(reactor), reached=sum(named_loops(one) == one.truth for one in reactor),
                 unit="", at_least=True,
             ),
             Target(
@@ -145,8 +145,14 @@ def sticking_valves(run: EastmanRun) -> tuple[str, ...]:
     return tuple(tags)
 
 
-def _named(one: Found) -> tuple[str, ...]:
-    """Loops that groups were traced to."""
+def named_loops(one: Found) -> tuple[str, ...]:
+    """List the loops that groups were traced to.
+
+    Parameters
+    ----------
+    one : Found
+        What was said of a run.
+    """
     return tuple(group.source for group in one.groups if group.source is not None)
 
 
@@ -159,11 +165,20 @@ def _row(one: Found, seed: int) -> tuple[str, ...]:
         rests or "–",
         ", ".join(one.sticking) or "none",
         str(len(one.groups)),
-        "; ".join(_said(group, one.truth) for group in one.groups) or "–",
+        "; ".join(said_of(group, one.truth) for group in one.groups) or "–",
     )
 
 
-def _said(group: OscillationGroup, truth: Sequence[str]) -> str:
+def said_of(group: OscillationGroup, truth: Sequence[str]) -> str:
+    """Say in short what was said of a group.
+
+    Parameters
+    ----------
+    group : OscillationGroup
+        Loops that swing together.
+    truth : sequence of str
+        Loops whose valve sticks.
+    """
     first, *others = group.suspects
     victims = ", ".join(suspect.tag for suspect in others)
     if group.source is not None:

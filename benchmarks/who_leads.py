@@ -13,7 +13,7 @@ from loop.signals import Real
 from monitoring.origin import NAMED_FROM, NAMES, origin_model
 from monitoring.shared_oscillations import SIMILAR, shared_oscillations
 
-SEED, COUNT = 3, 10
+SEED, COUNT = 11, 10
 # Independent swings: samples a period, cycles over which they remember themselves, pairs.
 PERIOD, MEMORY, PAIRS, CYCLES = 40.0, 8.0, 200, (15, 40, 100)
 COLUMNS = (
@@ -140,7 +140,7 @@ def tally(found: Sequence[Example]) -> Tally:
     """
     groups = [one for one in found if one.swing is not None]
     model = origin_model()
-    chances = [model.probabilities(one.features) for one in groups]
+    chances = [model.probabilities(one.features, one.strongest) for one in groups]
     begun = [(one, p) for one, p in zip(groups, chances, strict=True) if one.truth is not None]
     named = [
         (one.truth, int(np.argmax(p[:-1])))

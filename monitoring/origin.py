@@ -21,8 +21,9 @@ NAMES = (
     "lead that is clear",
     "share of the oscillation ahead of the others",
 )
-# Log odds beyond these count as these: no probability is surer than the loops it was fitted on.
-FARTHEST = 4.0
+# Log odds beyond these, 0.95 and 0.05, count as these: plants have valves whose sticking is rounded
+# off further than in any that the weights were fitted on.
+FARTHEST = 3.0
 # From this probability on a loop is named.
 NAMED_FROM = 0.8
 
@@ -74,18 +75,24 @@ class OriginModel:
     weights : ndarray, shape (k,)
         Weights of the features, in the order of `NAMES`.
     elsewhere : float
-        Score of a cause outside.
+        Score of a cause outside where no loop's past tells anything of another.
+    strongest : float
+        By how much that score grows with the strongest arrow; below zero.
     """
 
     weights: Real
     elsewhere: float
+    strongest: float
 
-    def probabilities(self, features: Real) -> Real:
+    def probabilities(self, features: Real, strongest: float) -> Real:
         """Probabilities of rows of features, and last that of a cause outside, shape (m + 1,).
 
-        P_i = exp(w·x_i) / (exp(w_0) + sum_j exp(w·x_j))
+        P_i = exp(w·x_i) / (exp(w_0 + w_s s) + sum_j exp(w·x_j))
+
+        with s the square root of the strength of the strongest arrow. What reaches all loops from
+        outside makes no past tell much of another.
         """
-        scores = np.append(features @ self.weights, self.elsewhere)
+        scores = np.append(features @ self.weights, self.elsewhere + self.strongest * strongest)
         parts = np.exp(scores - np.max(scores))
         return np.asarray(parts / np.sum(parts))
 
@@ -96,7 +103,10 @@ def origin_model() -> OriginModel:
     held = json.loads(WEIGHTS.read_text("utf-8"))
     if tuple(held["names"]) != NAMES:
         raise ValueError("the weights of the origin belong to other features: fit them again")
-    return OriginModel(weights=np.array(held["weights"]), elsewhere=float(held["elsewhere"]))
+    return OriginModel(
+        weights=np.array(held["weights"]), elsewhere=float(held["elsewhere"]),
+        strongest=float(held["strongest"]),
+    )  # fmt: skip
 
 
 def origin(
@@ -118,7 +128,9 @@ def origin(
     period : float
         Period. [samples]
     """
-    found = origin_model().probabilities(origin_features(loops, arrows, delays, period))
+    found = origin_model().probabilities(
+        origin_features(loops, arrows, delays, period), strongest_arrow(arrows)
+    )
     best = int(np.argmax(found[:-1]))
     return Origin(
         probabilities=tuple(found[:-1].tolist()),
@@ -161,6 +173,18 @@ def origin_features(
             _ahead(np.array([one.share for one in loops])),
         ]
     )
+
+
+def strongest_arrow(arrows: Granger) -> float:
+    """Square root of the strength of the strongest significant arrow; 0 where there is none.
+
+    Parameters
+    ----------
+    arrows : Granger
+        Who predicts whom.
+    """
+    strengths = [one.strength for one in arrows.arrows if one.significant]
+    return float(np.sqrt(max(strengths, default=0.0)))
 
 
 def net_flow(arrows: Granger, m: int) -> Real:

@@ -45,6 +45,19 @@ class ArrowBody(Answer):
     significant: bool = Field(description="Both tests agree.")
 
 
+class TransferredInformationBody(Answer):
+    """Transfer entropy from one loop to another."""
+
+    cause: str
+    effect: str
+    value: float | None = Field(description="Null where the record is too short. [nat]")
+    by_chance: float | None = Field(description="Mean over causes shifted in time. [nat]")
+    p_value: float | None = Field(description="Of the shifted causes. [-]")
+    beyond: float | None = Field(description="Standard deviations above shifted causes. [-]")
+    significant: bool
+    delay: float | None = Field(description="At which the cause tells most. [s]")
+
+
 class DelayBody(Answer):
     """By how much one loop follows another."""
 
@@ -88,6 +101,10 @@ class GroupBody(Answer):
     order: int | None = Field(description="Lags of the regressions behind the arrows.")
     delays: list[DelayBody] = Field(description="Every pair that was measured.")
     graph: GraphBody
+    transfers: list[TransferredInformationBody] = Field(
+        description="Between the likeliest source and its two nearest rivals, in small groups; "
+        "evidence beside the probabilities."
+    )
     doubts: list[str] = Field(description="What could not be judged, and why.")
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from advice.suspicion import doubts_of, evidence_of, group_reason
@@ -37,7 +38,7 @@ def swing(*, stiction: tuple[float | None, ...] = (0.97, 0.01, None)) -> Swing:
             Nonlinearity(index=2.0), Nonlinearity(index=0.5),
             Nonlinearity(index=None, reason="7 cycles are fewer than 10"),
         ),
-        compared=(0, 1),
+        compared=(0, 1), signals=np.zeros((2, 0)),
         arrows=Granger(arrows=(arrow(0, 1),), order=2, conditional=False),
         delays=(delay(0, 1, 6.0),),
         origin=Origin(probabilities=(0.95, 0.03, 0.0), elsewhere=0.02, named=0),

@@ -39,8 +39,9 @@ def example(truth: int | None, *flow: float) -> Example:
     features = np.zeros((len(flow), len(NAMES)))
     features[:, NAMES.index("net Granger flow")] = flow
     return Example(
-        topology=Topology.CHAIN, origin=Origin.VALVE, truth=truth, swing=swing(), features=features
-    )
+        topology=Topology.CHAIN, origin=Origin.VALVE, truth=truth, swing=swing(),
+        features=features, strongest=max(flow),
+    )  # fmt: skip
 
 
 def test_the_fit_learns_what_points_to_the_true_loop_and_the_tally_counts_it() -> None:
@@ -48,6 +49,8 @@ def test_the_fit_learns_what_points_to_the_true_loop_and_the_tally_counts_it() -
     model = fitted(found)
     assert model.weights[NAMES.index("net Granger flow")] > 1.0
     assert np.count_nonzero(np.abs(model.weights) > 1e-3) == 1
+    # Where no arrow is strong, the cause is outside.
+    assert model.strongest < 0
     counted = tally(found)
     assert (counted.plants, counted.groups) == (12, 12)
     assert counted.together == 1.0

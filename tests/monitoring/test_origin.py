@@ -12,6 +12,7 @@ from monitoring.origin import (
     origin,
     origin_features,
     origin_model,
+    strongest_arrow,
 )
 from monitoring.propagation import Propagation
 
@@ -43,6 +44,22 @@ def test_the_flow_is_what_goes_out_less_what_comes_in() -> None:
     np.testing.assert_allclose(found, [0.75, -0.25, -0.5])
     np.testing.assert_array_equal(net_flow(NOTHING, 2), 0)
     np.testing.assert_array_equal(net_flow(told(arrow(0, 1, 4.0, significant=False)), 2), 0)
+
+
+def test_the_strongest_arrow_is_that_of_those_that_count() -> None:
+    found = told(arrow(0, 1, 0.25), arrow(1, 0, 0.09), arrow(1, 2, 4.0, significant=False))
+    assert strongest_arrow(found) == 0.5
+    assert strongest_arrow(NOTHING) == 0.0
+
+
+def test_a_strong_arrow_speaks_against_a_cause_outside_and_for_no_loop() -> None:
+    """In a ring everyone tells as much as it is told."""
+    weak, strong = (
+        origin((PLAIN,) * 3, told(*(arrow(k, (k + 1) % 3, s) for k in range(3))), (), 40.0)
+        for s in (0.01, 0.5)
+    )
+    assert strong.elsewhere < weak.elsewhere
+    assert strong.probabilities == pytest.approx([(1 - strong.elsewhere) / 3] * 3)
 
 
 def test_features_are_what_they_are_called() -> None:
@@ -93,6 +110,7 @@ def test_all_evidence_together_names_a_loop() -> None:
 def test_the_weights_say_how_many_simulated_plants_they_rest_on() -> None:
     model = origin_model()
     assert model.weights.shape == (len(NAMES),)
+    assert model.strongest < 0
     # Every kind of evidence speaks for the loop that has it.
     assert np.all(model.weights > 0)
 
