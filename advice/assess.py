@@ -231,8 +231,7 @@ def assess_signals(
     try:
         record = Record(t=t, pv=pv, op=op, sp=sp, mode=mode, tag=tag)
     except ValueError as reason:
-        kind = LoopKind(kind)
-        return _blank(tag, kind, score_profile(kind, profile), str(reason))
+        return not_recorded(tag, str(reason), kind=kind, profile=profile)
     return assess(
         record, kind=kind, pv_range=pv_range, op_range=op_range, delay=delay, known=known,
         tau_c=tau_c, profile=profile,
@@ -275,7 +274,12 @@ def _refused(record: Record, kind: LoopKind, scores: ScoreProfile, reason: str) 
     )
 
 
-def _blank(tag: str, kind: LoopKind, scores: ScoreProfile, reason: str) -> Assessment:
+def not_recorded(
+    tag: str, reason: str, *, kind: LoopKind | str, profile: str = DEFAULT_SCORE_PROFILE
+) -> Assessment:
+    """Answer for a loop of which there is no record at all, with the reason."""
+    kind = LoopKind(kind)
+    scores = score_profile(kind, profile)
     return Assessment(
         tag=tag, kind=kind, start=None, span=None, sample_time=None, samples=0, resampled=False,
         indices=None, diagnosis=not_assessable(reason), grade=ungraded(scores),

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import ParamSpec, TypeAlias, TypeVar
 
-from advice.assess import Assessment, assess, not_assessed
+from advice.assess import Assessment, assess, not_assessed, not_recorded
 from advice.assessment_body import assessment_body
 from advice.body import Body
 from loop.record import Record
 from monitoring.known_loop import KnownLoop
+from monitoring.loop_signals import LoopKind
 from monitoring.score_profile import DEFAULT_SCORE_PROFILE
 
 Crew: TypeAlias = Callable[[], Executor]
@@ -127,14 +128,19 @@ def assess_loop(loop: FleetLoop, profile: str = DEFAULT_SCORE_PROFILE) -> LoopRe
     except Exception as surprise:  # noqa: BLE001 - one loop must not cost the plant its day
         reason_ = f"the assessment failed unexpectedly ({type(surprise).__name__})"
         assessment = not_assessed(loop.record, reason_, kind=loop.kind, profile=profile)
-    return _result(loop, assessment)
+    return _result(loop.name, assessment)
 
 
-def _result(loop: FleetLoop, assessment: Assessment) -> LoopResult:
+def not_read(tag: str, reason: str, *, kind: LoopKind | str) -> LoopResult:
+    """Answer for a loop whose data could not even be read, with the reason."""
+    return _result(tag, not_recorded(tag, reason, kind=kind))
+
+
+def _result(name: str, assessment: Assessment) -> LoopResult:
     diagnosis = assessment.diagnosis
     return LoopResult(
-        name=loop.name,
-        tag=loop.record.tag,
+        name=name,
+        tag=assessment.tag,
         points=assessment.grade.points,
         word=assessment.grade.word.value,
         cause=diagnosis.cause.value,
@@ -250,7 +256,7 @@ def _alone(loop: FleetLoop, profile: str, team: _Team) -> LoopResult:
         except BrokenExecutor:
             team.renew()
     reason = f"whatever worked on it died, {MOST_DEATHS} times; is the memory enough?"
-    return _result(loop, not_assessed(loop.record, reason, kind=loop.kind, profile=profile))
+    return _result(loop.name, not_assessed(loop.record, reason, kind=loop.kind, profile=profile))
 
 
 def _assess_all(loops: tuple[FleetLoop, ...], profile: str) -> list[LoopResult]:

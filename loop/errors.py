@@ -93,10 +93,12 @@ class LoopDiverged(LoopError):
 
 
 class NoSamples(LoopError):
-    """The sample store holds nothing of this loop."""
+    """The sample store holds nothing of this loop, in the time asked for or at all."""
 
     def __init__(self, loop: str) -> None:
-        super().__init__(f"The sample store holds no samples of loop {loop}.")
+        super().__init__(
+            f"The sample store holds no samples of loop {loop}, in the time asked for or at all."
+        )
         self.loop = loop
 
 

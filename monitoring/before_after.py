@@ -97,7 +97,9 @@ def before_after(
     drawn = [_drawn(signal**2, length, draws, rng) for signal in (first, second)]
     ratio = float(np.sqrt(powers[1] / powers[0]))
     # A spread that comes from few blocks is itself uncertain: Student's t instead of the normal.
-    wider = float(stdtrit(blocks - 1, 0.975) / 1.96)
+    # And it is too small: by the mean of the blocks, and by what is cut at their ends.
+    kept = (1 - 1 / blocks) * min(_kept(signal, length) for signal in (first, second))
+    wider = float(stdtrit(blocks - 1, 0.975) / 1.96 / np.sqrt(kept))
     ratios = ratio * np.exp(wider * np.log(np.sqrt(drawn[1] / drawn[0]) / ratio))
     low, high = (float(q) for q in np.quantile(ratios, [0.025, 0.975]))
     change = Change.NO_DIFFERENCE
@@ -133,6 +135,19 @@ def _memory(error: Real) -> int:
     last = int(np.flatnonzero(np.abs(r) > FADED * r[0])[-1]) + 1
     root: int = round(float(error.size) ** (1 / 3))
     return max(3 * max(first, last), root)
+
+
+def _kept(error: Real, length: int) -> float:
+    """Part of the variance of a mean square that blocks of a length keep, half at least.
+
+    The autocovariance of a square goes with the square of that of the signal; a block cuts off
+    its part k/length at lag k.
+    """
+    if length < 2:
+        return 1.0
+    r = autocovariance(error, length - 1) ** 2
+    lags = np.arange(length)
+    return max(1 - 2 * float(lags @ r) / length / float(2 * np.sum(r) - r[0]), 0.5)
 
 
 def _drawn(squares: Real, length: int, draws: int, rng: np.random.Generator) -> Real:

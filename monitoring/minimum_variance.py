@@ -16,6 +16,10 @@ from monitoring.basis import Basis, Setting, graded, refusal
 ORDER = 20
 FEWEST_PER_ORDER = 15
 MOST_BLOCKS = 8
+# 97.5 % points of Student's t for four to eight blocks, and what they are widened by: eta of a
+# finite record is a little too high.
+T_975 = (3.182, 2.776, 2.571, 2.447, 2.365)
+WIDER = 1.18
 # Above this many samples the sums of products come from the autocorrelation by FFT.
 FAST_FROM = 5000
 # Lags up to which products by matrices are faster than by transforms.
@@ -247,6 +251,6 @@ def _interval(found: list[float], eta: float) -> tuple[float | None, float | Non
     """Interval of about 95 % from the spread of eta over four blocks and more."""
     if len(found) < 4:
         return None, None
-    # Student's t for three to seven degrees of freedom lies between 3.2 and 2.4.
-    half = 2.8 * float(np.std(found, ddof=1)) / np.sqrt(len(found))
+    t = WIDER * T_975[min(len(found), MOST_BLOCKS) - 4]
+    half = t * float(np.std(found, ddof=1)) / np.sqrt(len(found))
     return max(eta - half, 0.0), min(eta + half, 1.0)

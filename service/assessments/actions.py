@@ -12,7 +12,6 @@ from advice.rollup import Order, PlantScorecard, Scored, plant_scorecard
 from historian.sample_store import SampleStore
 from historian.samples import Samples
 from loop.digital_pid import OutputLimits
-from loop.errors import NoSamples
 from monitoring.known_loop import KnownLoop
 from service import audit
 from service.actors import Actor
@@ -22,6 +21,7 @@ from service.errors import InvalidRequest, NotFound
 from service.jobs.actions import add_job
 from service.loops.store import loop_with_id
 from service.models.schemas import stated_process
+from service.samples import samples_of
 from service.sheets.in_force import known_loops
 from service.tables import AssessmentRow, JobRow, LoopRow, OverruleRow
 from service.tunings.actions import running_controller
@@ -75,9 +75,7 @@ def assess_one(
         There is no such loop, or nothing of it in the period.
     """
     loop = loop_with_id(reading, loop_id)
-    found = samples.read(loop_id, wanted.start, wanted.end)
-    if not len(found):
-        raise NoSamples(loop.tag)
+    found = samples_of(samples, loop, wanted.start, wanted.end)
     known = known_loops(reading, [loop_id], start=wanted.start, end=wanted.end).get(loop_id)
     return assess_loop(fleet_loop(loop, found, _stated(loop, wanted) or known, wanted.tau_c))
 

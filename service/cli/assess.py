@@ -12,7 +12,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from advice.display import digits
-from advice.fleet import Crew, FleetLoop, LoopResult, assess_fleet, cluster_crew, local_crew
+from advice.fleet import (
+    Crew,
+    FleetLoop,
+    LoopResult,
+    assess_fleet,
+    cluster_crew,
+    local_crew,
+    not_read,
+)
 from advice.rollup import Scored, plant_scorecard
 from loop.digital_pid import OutputLimits
 from loop.process import LARGEST, SMALLEST
@@ -140,15 +148,21 @@ def assess(
     pv_range = _range(pv_low, pv_high)
     limits = _limits(limit_low, limit_high)
     files = files_of(source)
+    found: list[LoopResult] = []
+
+    def refused(tag: str, reason: str) -> None:
+        found.append(not_read(tag, reason, kind=kind))
+
     loops = (
         FleetLoop(
             name=record.tag, record=record, kind=kind, pv_range=pv_range,
             op_range=(op_low, op_high), known=known, tau_c=tau_c, pv_limits=limits,
         )
-        for record in _single(records_in(files, stated), known)
+        for record in _single(
+            records_in(files, stated, refused=refused if source.is_dir() else None), known
+        )
     )  # fmt: skip
     few = len(files) < WORTH_PROCESSES and scheduler is None
-    found: list[LoopResult] = []
     with _bar() as bar:
         shown = bar.add_task("Assessing", total=len(files) if source.is_dir() else None)
         for one in assess_fleet(loops, crew=None if few else crew):

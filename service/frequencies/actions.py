@@ -8,9 +8,9 @@ from sqlalchemy.orm import Session
 from advice.frequency import FrequencyCase, frequency_case
 from historian.sample_store import SampleStore
 from loop.controller import PID, Action
-from loop.errors import NoSamples
 from service.frequencies.schemas import ReadFrequencyTest
 from service.loops.store import loop_with_id
+from service.samples import samples_of
 
 
 def read_frequency_test(
@@ -24,9 +24,7 @@ def read_frequency_test(
         There is no such loop, nothing of it in the period, or the samples carry no response.
     """
     loop = loop_with_id(reading, loop_id)
-    found = samples.read(loop_id, wanted.start, wanted.end)
-    if not len(found):
-        raise NoSamples(loop.tag)
+    found = samples_of(samples, loop, wanted.start, wanted.end)
     stated = wanted.controller
     controller = None
     if stated is not None:

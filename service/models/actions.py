@@ -18,6 +18,7 @@ from service.actors import Actor
 from service.loops.store import loop_with_id
 from service.models import store
 from service.models.schemas import NewModel, stated_process
+from service.samples import samples_of
 from service.tables import ModelRow
 
 
@@ -43,9 +44,7 @@ def work_out_model(
     start = max(filter(None, (row.first_time, wanted.start)))
     # The store reads up to, and without, its second bound.
     end = min(filter(None, (row.last_time + timedelta(microseconds=1), wanted.end)))
-    found = samples.read(loop_id, start, max(start, end))
-    if not len(found):
-        raise NoSamples(loop.tag)
+    found = samples_of(samples, loop, start, max(start, end))
     record: Record = replace(
         found.record(tag=loop.tag, pv_unit=loop.pv_unit, op_unit=loop.op_unit),
         op_before=wanted.op_before,

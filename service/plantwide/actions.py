@@ -5,12 +5,12 @@ from sqlalchemy.orm import Session
 from advice.plantwide import plant_oscillations
 from advice.plantwide_result import PlantOscillations
 from historian.sample_store import SampleStore
-from loop.errors import NoSamples
 from loop.record import Record
 from monitoring.loop_signals import LoopKind
 from service.errors import InvalidRequest
 from service.loops.store import loop_with_id
 from service.plantwide.schemas import LookAtPlant
+from service.samples import samples_of
 
 # Some hundred megabytes and a few seconds: a day of 100 loops every five seconds fits.
 MOST_SAMPLES = 2_000_000
@@ -34,9 +34,7 @@ def look_at_plant(
     room = MOST_SAMPLES
     for loop_id in dict.fromkeys(wanted.loop_ids):
         loop = loop_with_id(reading, loop_id)
-        found = samples.read(loop_id, wanted.start, wanted.end)
-        if not len(found):
-            raise NoSamples(loop.tag)
+        found = samples_of(samples, loop, wanted.start, wanted.end)
         room -= len(found)
         if room < 0:
             raise InvalidRequest(

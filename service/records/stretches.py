@@ -11,6 +11,7 @@ from loop.record import Record
 from service.loops.store import loop_with_id
 from service.models.schemas import Id, Moment
 from service.records.store import record_with_id
+from service.samples import samples_of
 from service.schemas import Strict
 
 
@@ -40,7 +41,5 @@ def record_of(stretch: Stretch, reading: Session, samples: SampleStore) -> Recor
     start = max(filter(None, (row.first_time, stretch.start)))
     # The store reads up to, and without, its second bound.
     end = min(filter(None, (row.last_time + timedelta(microseconds=1), stretch.end)))
-    found = samples.read(stretch.loop_id, start, max(start, end))
-    if not len(found):
-        raise NoSamples(loop.tag)
+    found = samples_of(samples, loop, start, max(start, end))
     return found.record(tag=loop.tag, pv_unit=loop.pv_unit, op_unit=loop.op_unit)

@@ -7,9 +7,9 @@ from sqlalchemy.orm import Session
 from advice.body import Body
 from advice.repeats import repeats_body, repeats_case
 from historian.sample_store import SampleStore
-from loop.errors import NoSamples
 from service.loops.store import loop_with_id
 from service.repeats.schemas import PoolTests
+from service.samples import samples_of
 
 
 def pool_tests(reading: Session, samples: SampleStore, *, loop_id: UUID, wanted: PoolTests) -> Body:
@@ -23,8 +23,6 @@ def pool_tests(reading: Session, samples: SampleStore, *, loop_id: UUID, wanted:
     loop = loop_with_id(reading, loop_id)
     records = []
     for period in wanted.tests:
-        found = samples.read(loop_id, period.start, period.end)
-        if not len(found):
-            raise NoSamples(loop.tag)
+        found = samples_of(samples, loop, period.start, period.end)
         records.append(found.record(tag=loop.tag, pv_unit=loop.pv_unit, op_unit=loop.op_unit))
     return repeats_body(repeats_case(records))

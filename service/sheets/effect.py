@@ -9,10 +9,10 @@ from sqlalchemy.orm import Session
 from advice.assessment_body import fields_body
 from advice.effect import Effect, effect
 from historian.sample_store import SampleStore
-from loop.errors import NoSamples
 from loop.record import Record
 from service.errors import InvalidRequest, NeverInForce
 from service.loops.store import loop_with_id
+from service.samples import samples_of
 from service.sheets import store
 from service.tables import LoopRow
 
@@ -116,7 +116,5 @@ def effect_of_periods(
 
 
 def _record(samples: SampleStore, loop: LoopRow, period: tuple[datetime, datetime]) -> Record:
-    found = samples.read(loop.id, *period)
-    if not len(found):
-        raise NoSamples(loop.tag)
+    found = samples_of(samples, loop, *period)
     return found.record(tag=loop.tag, pv_unit=loop.pv_unit, op_unit=loop.op_unit)

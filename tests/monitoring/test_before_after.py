@@ -62,3 +62,19 @@ def test_too_little_data_are_not_compared() -> None:
     drift = before_after(np.arange(2000.0), slow(2000, 2))
     assert drift.change is Change.NOT_COMPARABLE
     assert before_after(np.full(50, np.nan), slow(50, 2)).ratio is None
+
+
+def resonant(n: int, seed: int) -> Real:
+    """A lively loop: a wave of 50 samples that loses its phase within some hundred."""
+    white = np.random.default_rng([seed, 4]).normal(size=n + 2000)
+    r, w = 0.99, 2 * np.pi / 50
+    return np.asarray(lfilter([1.0], [1.0, -2 * r * np.cos(w), r * r], white)[2000:])
+
+
+def test_without_a_change_an_alarm_is_rare_although_the_error_swings() -> None:
+    pairs = [before_after(resonant(6000, 2 * k), resonant(6000, 2 * k + 1), draws=300)
+             for k in range(300)]  # fmt: skip
+    alarms = sum(one.change in (Change.BETTER, Change.WORSE) for one in pairs)
+    assert alarms <= 26  # 5 % of 300 and three standard errors
+    truth = [one.low <= 1 <= one.high for one in pairs if one.low and one.high]
+    assert np.mean(truth) > 0.91

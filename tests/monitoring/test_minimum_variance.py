@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
+from scipy.stats import t as student
 
 from loop.controller import PID
 from loop.experiment import Step
@@ -163,3 +164,13 @@ def test_the_steps_of_a_moving_mean_need_no_sum(n: int, width: int) -> None:
     np.testing.assert_allclose(
         smoothed_steps(signal, width), np.diff(smoothed(signal, width)), atol=1e-13
     )
+
+
+def test_the_interval_is_that_of_student_for_its_blocks_and_a_little_wider() -> None:
+    y = closed_loop(0.5, 1500, seed=3)
+    parts = [minimum_variance(part, delay=2).eta for part in np.array_split(y, 4)]
+    found = minimum_variance(y, delay=2)
+    assert found.eta is not None
+    assert found.low is not None
+    half = 1.18 * student.ppf(0.975, 3) * np.std(np.array(parts, dtype=float), ddof=1) / 2
+    assert found.eta - found.low == pytest.approx(half, rel=1e-3)

@@ -234,6 +234,7 @@ def test_what_is_not_there_is_said_so(client: TestClient, plant: Plant) -> None:
     assert client.post(f"/v1/assessments/{nobody}/overrule", json=said).status_code == 404
     answer = client.post(f"/v1/loops/{empty}/assessments", json=DAY)
     assert (answer.status_code, answer.json()["type"]) == (404, "/problems/no-samples")
+    assert str(empty) not in answer.json()["detail"]  # the loop's tag, not the store's name of it
 
 
 def test_a_viewer_may_read_and_not_ask(client_as: Callable[..., TestClient], plant: Plant) -> None:

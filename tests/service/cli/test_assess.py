@@ -45,7 +45,7 @@ def parquet(folder: Path, name: str, samples: Samples) -> None:
     time = pa.array(samples.time).cast(pa.timestamp("us")).cast(pa.int64())
     columns = {
         "time": time.cast(pa.timestamp("us", "UTC")),
-        "pv": samples.pv, "sp": samples.sp, "op": samples.op, "mode": ["AUTO"] * ROWS,
+        "pv": samples.pv, "sp": samples.sp, "op": samples.op, "mode": ["AUTO"] * len(samples),
     }  # fmt: skip
     pq.write_table(pa.table(columns), folder / f"{name}.parquet")
 
@@ -170,3 +170,23 @@ def test_a_folder_without_parquet_is_refused(
 ) -> None:
     assert run(["assess", str(tmp_path)]) == 1
     assert "There is no Parquet file below" in capsys.readouterr().err
+
+
+def test_a_file_that_gives_no_record_costs_the_other_loops_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parquet(tmp_path, "TIC-GOOD", signals())
+    parquet(tmp_path, "TIC-NONE", signals().between(0, 0))
+    (tmp_path / "TIC-BROKEN.parquet").write_text("not Parquet")
+
+    assert run(["assess", str(tmp_path), "--json"]) == 0
+    found = {one["tag"]: one for one in json.loads(capsys.readouterr().out)["assessments"]}
+    assert found["TIC-GOOD"]["assessable"]
+    for tag, why in (("TIC-NONE", "holds no samples"), ("TIC-BROKEN", "cannot be read as Parquet")):
+        assert not found[tag]["assessable"]
+        assert found[tag]["diagnosis"]["cause"] == "not assessable"
+        assert why in found[tag]["diagnosis"]["evidence"][0]
+    (tmp_path / "TIC-GOOD.parquet").unlink()
+    assert run(["assess", str(tmp_path)]) == 3
+    assert "TIC-BROKEN" in capsys.readouterr().out
+    assert run(["assess", str(tmp_path / "TIC-BROKEN.parquet")]) == 1
