@@ -13,14 +13,14 @@ import numpy as np
 
 from benchmarks.false_alarms import auc
 from benchmarks.section import Section, Target
-from benchmarks.virtual_windows import NEVER, Family, Truth, Window, windows
+from benchmarks.virtual_windows import NEITHER, NEVER, Family, Truth, Window, windows
 from loop.signals import Real
 from monitoring.loop_signals import Stretch
 from monitoring.oscillation import oscillation
 from monitoring.stiction import stiction
 from monitoring.stiction_result import StictionVerdict
 
-SEED = 960
+SEED = 980
 COUNT = 120
 SIZES = ((0.4, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, 12.1), (NEVER, NEVER + 1))
 EDGES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.001)
@@ -78,7 +78,7 @@ def reliability(found: list[WindowOutcome]) -> list[tuple[float, float, int]]:
 
     Both classes weigh the same; windows in which the sticking does not matter are left out.
     """
-    kept = [one for one in found if one.truth is not Truth.SLIGHT]
+    kept = [one for one in found if one.truth not in NEITHER]
     p = np.array([one.probability for one in kept])
     y = np.array([one.truth is Truth.STICKING for one in kept])
     weight = np.where(y, 0.5 / np.mean(y), 0.5 / np.mean(~y))
@@ -176,7 +176,7 @@ def _auc(found: list[WindowOutcome], family: Family | None) -> float:
     kept = [
         one
         for one in found
-        if one.truth is not Truth.SLIGHT and (family is None or one.family is family)
+        if one.truth not in NEITHER and (family is None or one.family is family)
     ]
     label: Real = np.array([float(one.truth is Truth.STICKING) for one in kept])
     return auc(label, np.array([one.probability for one in kept]))

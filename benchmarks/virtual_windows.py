@@ -56,6 +56,11 @@ class Truth(StrEnum):
     FROZEN = "frozen measurement"
     STICKING = "sticking"
     SLIGHT = "sticking without matter"
+    HELD = "sound, held by its own dead band"
+
+
+# Neither sound nor sticking as far as their loop goes: not fitted, not counted.
+NEITHER = (Truth.SLIGHT, Truth.HELD)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -317,11 +322,13 @@ def _batch(
             continue
         pv, op, set_point = found
         truth = Truth.SWINGING if driven[j] else Truth.HEALTHY
+        matters = _matters(run, loops, j, before * scans)
         if frozen[j]:
             truth = Truth.FROZEN
-        if sticking:
-            matters = _matters(run, loops, j, before * scans)
+        elif sticking:
             truth = Truth.STICKING if matters else Truth.SLIGHT
+        elif matters:
+            truth = Truth.HELD
         yield Window(
             family=family, truth=truth, dt=sample, sp=set_point, pv=pv, op=op,
             S=float(S[j]), J=float(J[j]), integrating=bool(loops.integrating[j]),

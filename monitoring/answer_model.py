@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from loop.signals import Real
+from monitoring.boosted_trees import BoostedTrees, trees_from
 from monitoring.stiction_model import logistic, terms
 from monitoring.valve_answers import NAMES
 
@@ -47,14 +48,14 @@ class WaveWord:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AnswerModel:
-    """Logistic models fitted on simulated windows and loops alone.
+    """Models fitted on simulated windows and loops alone.
 
     Attributes
     ----------
-    mean, spread, weights : ndarray
-        Of PV's answers, as in `StictionModel`.
+    trees : BoostedTrees
+        Log odds by PV's answers.
     joint_mean, joint_spread, joint : ndarray
-        Of both words together, in the order of `JOINT_NAMES`.
+        Of a logistic model of both words, in the order of `JOINT_NAMES`, as in `StictionModel`.
     stiction_from, none_below : float
         Probabilities from which the answer is stiction, and below which it is none.
     lost_motion_from, correlation_from : float
@@ -62,9 +63,7 @@ class AnswerModel:
         window in a hundred has: the limits of each method's own word.
     """
 
-    mean: Real
-    spread: Real
-    weights: Real
+    trees: BoostedTrees
     joint_mean: Real
     joint_spread: Real
     joint: Real
@@ -75,7 +74,7 @@ class AnswerModel:
 
     def answers(self, vectors: Real) -> Real:
         """Probability by PV's answers alone, rows of `NAMES` -> (m,)."""
-        return logistic(terms(vectors, self.mean, self.spread) @ self.weights)
+        return logistic(self.trees.log_odds(vectors))
 
     def together(self, vectors: Real) -> Real:
         """Probability by both words, rows of `joint_vector` -> (m,)."""
@@ -102,9 +101,7 @@ def answer_model() -> AnswerModel:
     if tuple(body["names"]) != NAMES:
         raise ValueError("the weights belong to other numbers: fit them again")
     return AnswerModel(
-        mean=np.array(body["mean"]),
-        spread=np.array(body["spread"]),
-        weights=np.array(body["weights"]),
+        trees=trees_from(body["trees"]),
         joint_mean=np.array(body["joint_mean"]),
         joint_spread=np.array(body["joint_spread"]),
         joint=np.array(body["joint"]),

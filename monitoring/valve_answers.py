@@ -10,7 +10,9 @@ from itertools import pairwise
 import numpy as np
 
 from loop.signals import Real
+from monitoring.controller_moves import controller_moves
 from monitoring.cross_correlation import correlations
+from monitoring.error_excursions import error_excursions
 from monitoring.sensor import noise_level
 
 # Blocks that are looked at; at least so many where blocks are widened because OP moves slowly, and
@@ -31,7 +33,7 @@ FEWEST_SAMPLES = 100
 # A sound valve has a dead band too: OP that moves by less than this part of its range proves
 # nothing.
 LEAST_MOVE = 5e-3
-TINY, TINY_RANGE = 1e-12, 1e-4
+TINY, SHORTEST_STAY = 1e-12, 1e-3
 
 NAMES = (
     "correlation",
@@ -48,11 +50,19 @@ NAMES = (
     "jumps of PV over those of OP, log",
     "PV still while OP moves",
     "integral over proportional action",
-    "range of OP, log",
     "turns of OP, log",
     "PV over noise, log",
     "error over PV, log",
     "integrating",
+    "OP's moves explained by PI action, root",
+    "proportional action, log",
+    "integral action, log",
+    "integral time over window, log",
+    "excursions of the error, log",
+    "longest excursion over window, log",
+    "energy of excursions beyond three Ti",
+    "error left in an excursion",
+    "first zero of the error's autocorrelation over window, log",
 )
 
 
@@ -129,6 +139,7 @@ def valve_answers(
     noise = _noise(pv[-NOISE_SAMPLES:])
     part = slice(-MOST_BLOCKS * first, None)
     u, y, e = (block_means(signal[part], first) for signal in (op, pv, error))
+    control = _control(u, e, noise / np.sqrt(first))
     turns = len(turning_points(u, TURN * float(np.ptp(u))))
     widest = max(u.size // FEWEST_BLOCKS, 1)
     rate = int(np.clip(u.size / (turns + 1) / A_HALF_SWING, 1, widest))
@@ -141,7 +152,6 @@ def valve_answers(
     moves = correlations(np.diff(u), np.diff(y), max((u.size - 1) // 8, 1))
     adds, lost, width, at_once = _what_op_adds(u, y)
     unanswered, still = _unanswered(u, e, quiet), _still(op[part], pv[part])
-    op_range = float(np.ptp(op) / op_span)
     vector = np.array([
         rho,
         0.0 if moves is None else float(np.max(np.abs(moves))),
@@ -157,11 +167,11 @@ def valve_answers(
         np.log(_kurtosis(y[3:] - y[:-3]) / _kurtosis(u[3:] - u[:-3])),
         still,
         _squared_correlation(np.cumsum(e), u) - _squared_correlation(e, u),
-        np.log(op_range + TINY_RANGE),
         np.log1p(turns),
         min(np.log10(np.std(y) / quiet + 0.1), 4.0),
         np.log(np.var(e) / max(float(np.var(y)), TINY) + 1e-3),
         float(integrating),
+        *control,
     ])  # fmt: skip
     return ValveAnswers(
         block=block,
@@ -171,8 +181,25 @@ def valve_answers(
         width=width,
         unanswered=unanswered,
         still=still,
-        op_range=op_range,
+        op_range=float(np.ptp(op) / op_span),
         vector=vector,
+    )
+
+
+def _control(u: Real, e: Real, noise: float) -> tuple[float, ...]:
+    """What the controller does with the error, and how long the error stays all the same."""
+    moves = controller_moves(u, e)
+    stays = error_excursions(e, noise, moves.Ti)
+    return (
+        moves.explained,
+        np.log(moves.proportional),
+        np.log(moves.integral),
+        np.log(moves.Ti / u.size),
+        np.log1p(stays.count),
+        np.log(stays.longest + SHORTEST_STAY),
+        stays.long_share,
+        stays.left,
+        np.log(stays.first_crossing + SHORTEST_STAY),
     )
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.answer_weights import Table, limits
 from benchmarks.stiction_windows import by_size, judged, reliability
-from benchmarks.virtual_windows import Family, Truth, windows
+from benchmarks.virtual_windows import NEITHER, Family, Truth, windows
 from loop.signals import Real
 from loop.valve import Choudhury, stem_positions
 from monitoring.answer_model import JOINT_NAMES, WaveWord, answer_model, joint_vector
@@ -70,6 +70,11 @@ def test_numbers_do_not_depend_on_the_units() -> None:
     other = valve_answers(0.01 * one.op, 7 * one.pv, -7 * one.pv, op_span=1.0, integrating=False)
     assert other is not None
     np.testing.assert_allclose(other.vector, first.vector, rtol=1e-5, atol=1e-5)
+    assert other.op_range == pytest.approx(first.op_range)
+    # How far OP moves depends on the loads, which a simulation invents: it is not weighed.
+    smaller = valve_answers(one.op, one.pv, -one.pv, op_span=5000.0, integrating=False)
+    assert smaller is not None
+    np.testing.assert_array_equal(smaller.vector, first.vector)
 
 
 def test_what_cannot_be_measured_has_no_numbers() -> None:
@@ -121,7 +126,7 @@ def test_simulated_windows_are_told_apart() -> None:
     stuck = [one.probability for one in found if one.truth is Truth.STICKING]
     assert np.median(stuck) > 0.5 > np.median(healthy)
     assert sum(n for _, _, n in reliability(found)) == sum(
-        one.truth is not Truth.SLIGHT for one in found
+        one.truth not in NEITHER for one in found
     )
     assert sum(row[3] for row in by_size(found)) == len(stuck)
 
@@ -141,7 +146,11 @@ def test_limits_leave_few_undecided() -> None:
     truths = np.where(np.arange(400) < 200, Truth.HEALTHY.value, Truth.STICKING.value)
     groups = np.where(np.arange(400) % 2, "flow", "750")
     table = Table(
-        vectors=np.zeros((400, len(NAMES))), words=(WaveWord(),) * 400, truths=truths, groups=groups
+        vectors=np.zeros((400, len(NAMES))),
+        words=(WaveWord(),) * 400,
+        op_ranges=np.ones(400),
+        truths=truths,
+        groups=groups,
     )
     upper, lower = limits(p, table)
     assert lower <= 0.5 <= upper == pytest.approx(0.5, abs=0.01)
