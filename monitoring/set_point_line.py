@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from loop.signals import Real
 from monitoring.basis import Basis, graded
@@ -60,9 +61,11 @@ def set_point_line(
     cycles = part.size * dt / wave.period
     apart = np.array([0.0, *NEIGHBOURS, *(-step for step in NEIGHBOURS)])
     lines = cycles + apart[cycles + apart > 0]
-    turns = np.exp(-2j * np.pi * np.outer(lines, np.arange(part.size) / part.size))
-    still = (part - np.average(part, weights=window)) * window
-    amplitudes = 2 * np.abs(turns @ still) / float(np.sum(window))
+    whole = float(np.sum(window))
+    # From its first value, so that a set point at rest is nothing and not rounding.
+    moved = part - part[0]
+    still = (moved - float(moved @ window) / whole) * window
+    amplitudes = 2 * np.abs(line_sums(still, lines)) / whole
     beside = float(np.mean(amplitudes[1:] ** 2))
     score = float(amplitudes[0] ** 2 / beside) if beside > 0 else 0.0
     ratio = float(amplitudes[0] / wave.amplitude) if wave.amplitude > 0 else 0.0
@@ -72,3 +75,30 @@ def set_point_line(
         drives=score >= CLEAR and ratio >= LEAST_RATIO,
         basis=graded(share, settings=(("clear line, power", CLEAR), ("least ratio", LEAST_RATIO))),
     )
+
+
+def line_sums(signal: Real, cycles: Real) -> NDArray[np.complex128]:
+    """Sum of signal[k] exp(-2 pi i c k/n) at a few frequencies c, not only whole ones.
+
+    The signal is laid out in rows as long as there are rows: each row is turned and summed by one
+    matrix product, then the rows by where they begin. That takes 2 sqrt(n) turns a frequency
+    instead of n.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+    cycles : ndarray, shape (m,)
+        Frequencies. [cycles in n samples]
+
+    Returns
+    -------
+    ndarray of complex, shape (m,)
+    """
+    width = int(np.ceil(np.sqrt(signal.size)))
+    rows = np.zeros(width * width)
+    rows[: signal.size] = signal
+    step = -2j * np.pi * cycles / signal.size
+    within = np.exp(np.arange(width)[:, None] * step)
+    # Real times complex would be taken as complex times complex.
+    sums = (rows.reshape(width, width) @ within.view(np.float64)).view(np.complex128)
+    return np.asarray(np.sum(sums * np.exp(np.arange(0, rows.size, width)[:, None] * step), axis=0))

@@ -9,7 +9,7 @@ from loop.simulation import simulate
 from monitoring.basis import Confidence
 from monitoring.cause import Action, Cause
 from monitoring.oscillation import OscillationComponent
-from monitoring.set_point_line import set_point_line
+from monitoring.set_point_line import line_sums, set_point_line
 
 N = 2000
 T = np.arange(N)
@@ -37,8 +37,8 @@ def test_a_set_point_that_swings_too_little_drives_nothing() -> None:
 
 
 def test_a_set_point_at_rest_drives_nothing() -> None:
-    found = set_point_line(np.full(N, 50.0), 1.0, wave(80.0, 2.0))
-    assert (found.score, found.drives) == (0.0, False)
+    found = set_point_line(np.full(N, 50.1), 1.0, wave(80.0, 2.0))
+    assert (found.ratio, found.score, found.drives) == (0.0, 0.0, False)
 
 
 def test_moves_at_random_drive_no_oscillation() -> None:
@@ -64,3 +64,11 @@ def test_a_set_point_that_steps_to_and_fro_is_what_makes_the_error_swing() -> No
     assert found.diagnosis.action is Action.LOOK_UPSTREAM
     assert found.diagnosis.confidence is Confidence.HIGH
     assert any("set point swings" in sentence for sentence in found.diagnosis.evidence)
+
+
+@pytest.mark.parametrize("n", [1, 2, 100, 101, 4999])
+def test_the_sums_at_a_few_frequencies_are_those_of_the_definition(n: int) -> None:
+    signal = np.random.default_rng(n).normal(size=n)
+    cycles = np.array([0.0, 0.3, 7.0, 41.5])
+    turns = np.exp(-2j * np.pi * np.outer(cycles, np.arange(n) / n))
+    np.testing.assert_allclose(line_sums(signal, cycles), turns @ signal, atol=1e-10)
