@@ -44,6 +44,17 @@ def test_loops_come_back_in_their_order_and_as_each_comes_alone() -> None:
     assert plain(assess_fleet(loops(20), crew=local_crew(2))) == alone
 
 
+def test_workers_start_with_one_thread_and_keep_their_memory(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in fleet.OF_WORKERS:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    with local_crew(1)() as team:
+        found = {name: team.submit(os.getenv, name).result() for name in fleet.OF_WORKERS}
+    assert found == {**fleet.OF_WORKERS, "OMP_NUM_THREADS": "3"}
+
+
 def test_a_loop_that_cannot_be_assessed_is_answered_with_the_reason() -> None:
     (loop,) = loops(1)
     backwards = FleetLoop(name="x", record=loop.record, pv_range=(100.0, 0.0))
