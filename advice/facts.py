@@ -4,7 +4,7 @@ import numpy as np
 
 from advice.display import digits
 from advice.tune import TuningCase
-from identification.candidates import Candidate
+from identification.candidate import Candidate
 from identification.identify import Identification
 from identification.relay_model import RelayModel
 from loop.process import FOPDT, Process

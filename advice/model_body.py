@@ -5,7 +5,7 @@ from dataclasses import asdict
 import numpy as np
 
 from advice.body import Body, Json, number, numbers, process_parameters, settings_body
-from identification.candidates import Candidate
+from identification.candidate import Candidate
 from identification.identify import Identification
 from identification.quality import Colour
 from identification.relay_model import RelayModel

@@ -3,7 +3,8 @@
 import math
 from dataclasses import dataclass, replace
 
-from identification.candidates import DECISIVE, HALF, MATERIAL, Candidate, Choice, choose
+from identification.candidate import Candidate, Choice
+from identification.candidates import DECISIVE, HALF, MATERIAL, choose
 from identification.condense import Samples
 from identification.dead_band import DeadBandFit, fit_dead_band, widened
 from identification.disturbances import NEARLY_WHITE, Explanation, explain

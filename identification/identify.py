@@ -3,9 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import t as student
 
-from identification.candidates import Candidate, Choice
+from identification.candidate import Candidate, Choice
 from identification.condense import Samples, condense
 from identification.data_honesty import judge_data, judge_unit, require_one_unit
 from identification.dead_band import DeadBandFit, judge_dead_band
@@ -13,7 +12,8 @@ from identification.dead_band_choice import read_process
 from identification.disturbances import NEARLY_WHITE, Explanation
 from identification.experiment import Experiment, read_experiment
 from identification.gains import StepGains, require_one_sign, step_gains
-from identification.least_squares import LeastSquaresFit, fopdt_least_squares
+from identification.least_squares import fopdt_least_squares
+from identification.parameter_intervals import parameter_intervals
 from identification.plausibility import (
     answer_swing,
     require_answer,
@@ -269,7 +269,7 @@ def _described(
         choice=choice,
         standard_errors=chosen.standard_errors,
         correlation=chosen.covariance / np.outer(sizes, sizes),
-        intervals=_intervals(chosen, explanation.rival),
+        intervals=parameter_intervals(chosen, explanation.rival),
         pv0=fit.pv0,
         drift=fit.drift,
         drift_error=fit.drift_error * colour.inflation**0.5,
@@ -283,23 +283,6 @@ def _described(
         residual=residual,
         weight=weight,
     )
-
-
-def _intervals(chosen: Candidate, rival: LeastSquaresFit | None) -> Real:
-    """95 % intervals of the parameters, none of which but a gain or a lead goes below 0.
-
-    Where the record does not tell a slow tail from a drift, the answer with the other reading is
-    as likely and lies within them.
-    """
-    width = float(student.ppf(0.975, chosen.fit.freedom)) * chosen.standard_errors
-    intervals = np.stack((chosen.values - width, chosen.values + width), axis=1)
-    if rival is not None and chosen.structure is FIRST_ORDER:
-        other = np.array([rival.K, rival.tau, rival.theta])
-        intervals[:, 0] = np.minimum(intervals[:, 0], other)
-        intervals[:, 1] = np.maximum(intervals[:, 1], other)
-    signed = np.isin(chosen.structure.names, ("K", "lead"))
-    intervals[~signed] = np.maximum(intervals[~signed], 0.0)
-    return intervals
 
 
 def _findings(

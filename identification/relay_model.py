@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from identification.candidates import Candidate, Choice
+from identification.candidate import Candidate, Choice
 from identification.held_input import HeldInput
 from identification.identify import Identification
 from identification.least_squares import LeastSquaresFit, fopdt_least_squares

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.candidates import Candidate
+from identification.candidate import Candidate
 from identification.least_squares import LeastSquaresFit
 from identification.quality import Misfit, worst_misfit
 from identification.relay import RelayResult

@@ -8,7 +8,7 @@ References
 
 from typing import TypeAlias
 
-from identification.candidates import Candidate
+from identification.candidate import Candidate
 from identification.structures import (
     INTEGRATOR_WITH_LAG,
     LEAD,

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.candidates import MATERIAL, Candidate, Choice
+from identification.candidate import Candidate, Choice
+from identification.candidates import MATERIAL
 from identification.experiment import Experiment
 from identification.least_squares import LeastSquaresFit
 from identification.plausibility import FOUND

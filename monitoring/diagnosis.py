@@ -57,6 +57,9 @@ def diagnose(indices: Indices, profile: ScoreProfile) -> Diagnosis:
         found += _control(indices.control, profile)
     elif not found:
         return not_assessable(never_free(indices))
+    if not found and indices.control is not None and indices.control.oscillation.basis.refused:
+        reasons = "; ".join(indices.control.oscillation.basis.reasons)
+        return not_assessable(f"Whether the loop oscillates cannot be told: {reasons}.")
     if not found:
         return _healthy(indices, profile)
     first = found[0]
@@ -225,8 +228,10 @@ def _healthy(indices: Indices, profile: ScoreProfile) -> Diagnosis:
     control = indices.control
     confidence = control.oscillation.basis.confidence if control is not None else Confidence.LOW
     evidence = ["In use, no oscillation found, the output free to move."]
-    if control is not None and control.stiction.verdict is StictionVerdict.UNDECIDED:
-        evidence.append("Whether the valve sticks is undecided.")
+    undecided = control is not None and control.stiction.verdict is StictionVerdict.UNDECIDED
+    if undecided:
+        evidence.append("Whether the valve sticks is undecided. " + MOVE_IT)
+        confidence = Confidence.MEDIUM if confidence is Confidence.HIGH else Confidence.LOW
     if control is not None and indices.error.basis.refused:
         evidence.append("The error is not known: no set point was recorded.")
         confidence = Confidence.LOW
@@ -243,4 +248,5 @@ def _healthy(indices: Indices, profile: ScoreProfile) -> Diagnosis:
         confidence=confidence,
         evidence=tuple(evidence),
         action=Action.NOTHING,
+        others=(Cause.VALVE,) if undecided else (),
     )

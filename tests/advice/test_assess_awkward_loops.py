@@ -1,5 +1,6 @@
 """What is said of loops whose data, mode or range are not what they should be."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,10 @@ from loop.signals import Real
 from loop.simulation import simulate
 from monitoring.basis import Confidence
 from monitoring.cause import Action, Cause
+from monitoring.diagnosis import diagnose
+from monitoring.score_profile import score_profile
 from monitoring.scorecard import GradeWord
+from monitoring.stiction_result import StictionVerdict
 
 N = 1500
 PROCESS = FOPDT(K=1.0, tau=60.0, theta=10.0)
@@ -132,3 +136,23 @@ def test_a_coarse_pv_is_not_called_frozen() -> None:
 def test_a_valve_that_works_in_its_lowest_fifth_is_told() -> None:
     answer = found(op=lambda op: op - 40.0)
     assert any("oversized" in sentence for sentence in answer.diagnosis.evidence)
+
+
+def test_too_few_samples_for_an_oscillation_do_not_make_a_healthy_loop() -> None:
+    answer = found(t=lambda t: np.where(np.arange(N) < 50, t, np.nan))
+    assert answer.diagnosis.cause is Cause.NOT_ASSESSABLE
+    assert answer.indices is not None
+    assert "50 samples" in answer.diagnosis.evidence[0]
+    assert answer.grade.points is None
+
+
+def test_a_healthy_loop_whose_valve_is_undecided_names_the_valve_and_is_less_sure() -> None:
+    sure = found()
+    assert sure.indices is not None
+    assert sure.indices.control is not None
+    doubtful = replace(sure.indices.control.stiction, verdict=StictionVerdict.UNDECIDED)
+    control = replace(sure.indices.control, stiction=doubtful)
+    said = diagnose(replace(sure.indices, control=control), score_profile(sure.kind))
+    assert (said.cause, said.others) == (Cause.HEALTHY, (Cause.VALVE,))
+    assert (sure.diagnosis.confidence, said.confidence) == (Confidence.HIGH, Confidence.MEDIUM)
+    assert any("put the loop in manual" in sentence for sentence in said.evidence)

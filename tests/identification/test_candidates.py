@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from identification.candidates import Choice
+from identification.candidate import Choice
 from identification.condense import Samples
 from identification.experiment import read_experiment
 from identification.held_input import HeldInput, lag_response
