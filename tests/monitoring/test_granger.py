@@ -53,6 +53,23 @@ def test_strength_and_f_test_are_those_of_the_definition() -> None:
         assert arrow.p_value == pytest.approx(tail, rel=1e-6, abs=1e-300)
 
 
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_f_of_two_loops_is_that_of_statsmodels() -> None:
+    """Needs the dependency group `bench`; both sides see the same rows and the same order."""
+    stattools = pytest.importorskip("statsmodels.tsa.stattools")
+    pair = chain()[:2]
+    found = granger(pair)
+    assert found.order is not None
+    freedom = N - found.order - (2 * found.order + 1)
+    for arrow in found.arrows:
+        both = np.column_stack([pair[arrow.effect], pair[arrow.cause]])
+        tests = stattools.grangercausalitytests(both, [found.order])[found.order][0]
+        F, p_value, within, between = tests["ssr_ftest"]
+        assert (between, within) == (found.order, freedom)
+        assert np.expm1(arrow.strength) * freedom / found.order == pytest.approx(F, rel=1e-8)
+        assert arrow.p_value == pytest.approx(p_value, rel=1e-6, abs=1e-300)
+
+
 def test_the_strength_of_a_white_cause_is_that_of_the_closed_form() -> None:
     """y = a x one sample later plus e: ln(1 + a² var(x)/var(e)), with n large."""
     rng = np.random.default_rng(2)
