@@ -14,6 +14,9 @@ from monitoring.sensor import noise_level
 FEWEST_RESPONSE_SAMPLES = 20
 SMALLEST_MOVE = 5.0
 MOST_MOVES = 20
+# Of n samples the noise's largest lies near sqrt(2 ln n) standard deviations; a loop makes it up to
+# this much larger.
+LIVELY = 1.4
 TINIEST_MOVE = 1e-100
 # A set point that changes in more than this part of the samples is the output of something else.
 FOLLOWING_SHARE = 0.05
@@ -32,9 +35,10 @@ class MoveResponse:
     rise_time : float or None
         From 10 % to 90 % of the move; None if not reached. [s]
     overshoot : float
-        Largest excess in percent of the move. [%]
+        Largest excess in percent of the move, 0 where noise alone reaches as far. [%]
     settling_time : float or None
-        Time after which PV stays within 5 % of the move or three times the noise, the larger. [s]
+        Time after which PV stays within 5 % of the move, or as near as noise lets it, the larger.
+        [s]
     decay_ratio : float or None
         Second over first peak beyond the set point, None without two peaks above the noise. [-]
     """
@@ -117,7 +121,8 @@ def _response(stretch: Stretch, sp: Real, k: int, end: int, noise: float) -> Mov
     before, after = float(sp[k]), float(sp[k + 1])
     t = np.arange(end + 1 - k) * stretch.dt
     size = after - before
-    band = min(max(0.05, 3 * noise / abs(size)), 0.99)
+    reach = LIVELY * np.sqrt(2 * np.log(t.size)) * noise / abs(size)
+    band = min(max(0.05, float(reach)), 0.99)
     measures = step_measures(
         t, stretch.pv[part], stretch.op[part], sp=after, pv0=before, at=stretch.dt, band=band
     )
@@ -125,7 +130,7 @@ def _response(stretch: Stretch, sp: Real, k: int, end: int, noise: float) -> Mov
         at=(stretch.first + k + 1) * stretch.dt,
         size=size,
         rise_time=measures.rise_time,
-        overshoot=measures.overshoot,
+        overshoot=measures.overshoot if measures.overshoot > 100 * reach else 0.0,
         settling_time=measures.settling_time,
         decay_ratio=_decay(np.sign(size) * (stretch.pv[part] - after), noise),
     )

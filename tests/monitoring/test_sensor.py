@@ -129,3 +129,25 @@ def test_a_set_point_that_always_moves_is_followed_not_stepped() -> None:
     silent = Stretch(first=0, dt=1.0, pv=stretch.pv, op=stretch.op, sp=None, share=1.0)
     assert set_point_moves(silent).basis.refused
     assert set_point_moves(stretch).count == 0
+
+
+def test_noise_is_neither_overshoot_nor_a_loop_that_does_not_settle() -> None:
+    n = 1500
+    sp = np.where((np.arange(n) // 150) % 2 == 0, 50.0, 55.0)
+
+    def followed(noise: float) -> Stretch:
+        run = simulate(
+            FOPDT(K=1.0, tau=60.0, theta=10.0), PID(Kc=1.5, Ti=60.0), t_end=(n - 1) * 5.0, dt=5.0,
+            sp=sp, pv0=50.0, op0=50.0, noise=noise, rng=np.random.default_rng(3),
+        )  # fmt: skip
+        return Stretch(first=0, dt=5.0, pv=run.pv, op=run.op, sp=run.sp, share=1.0)
+
+    clean = set_point_moves(followed(0.0)).responses[0]
+    assert clean.overshoot == 0
+    assert clean.settling_time is not None
+    found = set_point_moves(followed(0.2)).responses
+    assert len(found) == 9
+    for response in found:
+        assert response.overshoot == 0
+        assert response.settling_time is not None
+        assert response.settling_time < 1.2 * clean.settling_time
