@@ -15,11 +15,17 @@ from loop.simulation import simulate
 from monitoring.basis import Confidence
 from monitoring.cause import Action, Cause
 from monitoring.diagnosis import diagnose
-from monitoring.score_profile import score_profile
+from monitoring.loop_signals import LoopKind
+from monitoring.score_profile import PARTS, profile_of, score_profile
 from monitoring.scorecard import GradeWord
 from monitoring.stiction_result import StictionVerdict
 
 N = 1500
+LIMITS = {
+    "service_factor_least": 0.5, "saturated_most": 0.3, "clipped_most": 0.05, "good_least": 0.7,
+    "eta_least": 0.3,
+}  # fmt: skip
+ROW = dict.fromkeys(PARTS, 0.2) | {"performance": 0.0, "error_sd_percent_most": 2.0}
 PROCESS = FOPDT(K=1.0, tau=60.0, theta=10.0)
 SQUARE = np.where((np.arange(N) // 150) % 2 == 0, 50.0, 55.0)
 
@@ -156,3 +162,38 @@ def test_a_healthy_loop_whose_valve_is_undecided_names_the_valve_and_is_less_sur
     assert (said.cause, said.others) == (Cause.HEALTHY, (Cause.VALVE,))
     assert (sure.diagnosis.confidence, said.confidence) == (Confidence.HIGH, Confidence.MEDIUM)
     assert any("put the loop in manual" in sentence for sentence in said.evidence)
+
+
+def test_a_wave_from_outside_that_keeps_its_phase_is_sought_upstream() -> None:
+    wave = np.sin(2 * np.pi * np.arange(N) / 24)
+    answer = found(pv=lambda pv: pv + wave)
+    assert answer.diagnosis.cause is Cause.DISTURBANCE
+    assert answer.diagnosis.action is Action.LOOK_UPSTREAM
+    assert answer.diagnosis.confidence is Confidence.LOW
+    assert "keeps its phase" in answer.diagnosis.evidence[-1]
+    assert Cause.TUNING in answer.diagnosis.others
+
+
+def test_idle_responses_to_loads_are_sluggish_tuning() -> None:
+    sure = found()
+    assert sure.indices is not None
+    assert sure.indices.control is not None
+    loads = replace(sure.indices.control.load_responses, sluggish=True, idle_index=0.62)
+    control = replace(sure.indices.control, load_responses=loads)
+    said = diagnose(replace(sure.indices, control=control), score_profile(sure.kind))
+    assert (said.cause, said.action) == (Cause.TUNING, Action.RETUNE)
+    assert "0.62" in said.evidence[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"kinds": []}, "holds limits and kinds"),
+        ({"kinds": {"flow": ROW | {"use": 0.5}}}, "must sum to 1"),
+    ],
+)
+def test_a_profile_that_cannot_be_is_refused(change: dict[str, Any], why: str) -> None:
+    body = {"name": "mine", "source": "nobody", "limits": LIMITS, "kinds": {"flow": ROW}}
+    assert profile_of(body, LoopKind.FLOW).weights[0] == ("use", 0.2)
+    with pytest.raises(ValueError, match=why):
+        profile_of(body | change, LoopKind.FLOW)
