@@ -75,6 +75,7 @@ def _error(record: Record, dt: float) -> Real:
     even = even_record(record, dt, max_gap=LARGEST_GAP * dt)
     if even.sp is None:
         return np.full(len(even), np.nan)
-    if even.mode is None:
+    # A mode that is known nowhere says no more than none at all, as in an assessment.
+    if even.mode is None or np.all(even.mode == Mode.UNKNOWN):
         return even.sp - even.pv
     return np.where(np.isin(even.mode, CONTROLLED), even.sp - even.pv, np.nan)

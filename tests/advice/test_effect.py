@@ -78,3 +78,19 @@ def test_bursts_months_apart_are_not_put_on_a_grid_of_microseconds() -> None:
     found = effect(bursts, bursts)
     assert found.comparison.change is Change.NOT_COMPARABLE
     assert found.sample_time is None
+
+
+def test_a_mode_that_is_known_nowhere_is_as_good_as_none() -> None:
+    rng = np.random.default_rng(8)
+
+    def period(size: float, *, codes: bool) -> Record:
+        return Record(
+            t=np.arange(2000.0), pv=50 + size * rng.normal(size=2000), op=np.full(2000, 40.0),
+            sp=np.full(2000, 50.0),
+            mode=np.full(2000, Mode.UNKNOWN, dtype=np.int8) if codes else None,
+        )  # fmt: skip
+
+    for codes in (False, True):
+        found = effect(period(1.0, codes=codes), period(0.5, codes=codes))
+        assert found.comparison.change is Change.BETTER
+        assert found.controlled_before == found.controlled_after == 1
