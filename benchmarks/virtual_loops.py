@@ -50,6 +50,11 @@ class VirtualLoop:
         Stiction band and slip jump, 0 for a healthy valve. [%]
     drives : bool
         The valve alone, without noise, keeps a cycle up.
+    phi : float
+        Autocorrelation of the disturbance at the output, whose variance is one, from sample to
+        sample. [-]
+    noise : float
+        Sd of the noise of the measurement, 0 where it is not told. [%]
     """
 
     state: State
@@ -61,6 +66,8 @@ class VirtualLoop:
     S: float = 0.0
     J: float = 0.0
     drives: bool = False
+    phi: float = 0.0
+    noise: float = 0.0
 
     @property
     def integrating(self) -> bool:
@@ -87,8 +94,10 @@ def virtual_loops(state: State, count: int, *, samples: int, seed: int) -> Itera
     if state is State.STICKING:
         yield from _sticking(loops, samples, rng)
         return
-    sp, load, output = _healthy_inputs(samples, count, rng)
-    noise = rng.normal(size=(samples, count)) * rng.uniform(0.05, 0.5, count)
+    phi = rng.choice(AR_COEFFICIENTS, count)
+    sp, load, output = _healthy_inputs(samples, phi, rng)
+    noise = rng.normal(size=(samples, count))
+    sd = rng.uniform(0.05, 0.5, count)
     if state is State.OUTSIDE:
         output += _waves(samples, count, rng)
     elif state is State.SET_POINT:
@@ -97,13 +106,13 @@ def virtual_loops(state: State, count: int, *, samples: int, seed: int) -> Itera
         sp[:] = 0.0
     run = simulate_batch(
         [p for p, _ in loops], [c for _, c in loops], t_end=samples - 1.0, dt=1.0,
-        sp=sp + 50, load=load, output_load=output, noise=noise, pv0=50.0, op0=50.0,
+        sp=sp + 50, load=load, output_load=output, noise=noise * sd, pv0=50.0, op0=50.0,
     )  # fmt: skip
     for k, (process, controller) in enumerate(loops):
         if not run.diverged[k]:
             yield VirtualLoop(
                 state=state, sp=_column(run.sp, k), pv=run.pv[:, k], op=run.op[:, k],
-                process=process, controller=controller,
+                process=process, controller=controller, phi=float(phi[k]), noise=float(sd[k]),
             )  # fmt: skip
 
 
@@ -131,9 +140,9 @@ def _loop(rng: np.random.Generator, *, tight: bool) -> tuple[FOPDT | IPDT, PID]:
     return first, PID(Kc=Kc, Ti=Ti)
 
 
-def _healthy_inputs(n: int, m: int, rng: np.random.Generator) -> tuple[Real, Real, Real]:
-    """Set-point moves, loads and coloured noise of unit variance at the output."""
-    phi = rng.choice(AR_COEFFICIENTS, m)
+def _healthy_inputs(n: int, phi: Real, rng: np.random.Generator) -> tuple[Real, Real, Real]:
+    """Set-point moves, loads and noise of unit variance at the output, autocorrelated by phi."""
+    m = phi.size
     white = rng.normal(size=(n, m))
     output = np.stack(
         [lfilter([np.sqrt(1 - phi[j] ** 2)], [1.0, -phi[j]], white[:, j]) for j in range(m)],

@@ -1,11 +1,10 @@
-"""Waves that last for a part of a record: tones that stand out of every floor around them.
+"""Waves that last for a part of a record: tones that stand out of the noise around them.
 
 The record is halved in rate again and again; at every rate half-overlapping segments of 64 samples
 hold 5 to 22 cycles of a tone, so that the work of all rates together is twice that of the first.
-A tone that stands out is fitted: the frequency and the part of the record that give it the most
-power. What noise makes of a fitted tone depends on the noise, which is known three ways, each
-blind to something else: the smooth spectrum of the record, the spectrum beside the tone within its
-own part, and an autoregression of everything outside that part. Their geometric mean is the floor.
+A tone that stands out is fitted beside an autoregression, which tells the noise. A record has as
+many places for a tone in every octave as it has cycles there: the limits rise with the logarithm
+of their number, so that noise exceeds them equally often in every octave and in every record.
 """
 
 from collections.abc import Callable
@@ -14,25 +13,23 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
 
 from loop.signals import Flags, Real
 from monitoring.spectrum import BandFilter, smooth_floor
+from monitoring.tones import FEWEST, fit_tone, part_of
 
 SEGMENT, HOP = 64, 32
-FEWEST, MOST = 5, 22
+MOST = 22
+SHORTEST_PERIOD = 4.0
 # The part is looked for within so many segments on either side.
 REACH = 4
+FITTED_REACH = 8
+# The tone is fitted at a rate so many levels finer: 6 to 26 samples a period.
+FINER = 1
 TRIES = 3
-# Places at which a part may begin and end: all pairs of them are tried.
-MOST_EDGES = 96
-# Bins of the part beside the tone that make its own floor; the nearest ones hold the tone.
-BESIDE = np.r_[-8:-1, 2:9]
-ORDER = 6
-# The autoregression needs this part of the record outside, and so many samples.
-OUTSIDE, FEWEST_OUTSIDE = 0.15, 100
-# Levels finer than the tone's own at which the outside is modelled: 12 to 50 samples a period.
-FINER = 2
+# A sine as large as the sd of what it is added to makes a third of the variance. A smaller share
+# costs evidence by its logarithm, a larger one earns it up to a half.
+USUAL_SHARE, ENOUGH_SHARE, ECHO = 0.3, 0.5, 9.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,9 +39,10 @@ class BurstLimits:
     Attributes
     ----------
     candidate : float
-        Power of a segment over its floors from which a tone is fitted, in 2,000 samples. [-]
-    score : float
-        Power of the fitted tone over its floors, in 2,000 samples. [-]
+        Power of a segment over its floors from which a tone is fitted, less the logarithm of the
+        record's cycles. [-]
+    evidence : float
+        What the fitted tone must have. [-]
     evenness : float
         Amplitude of the weakest third of the part over that of the whole. [-]
     share : float
@@ -53,15 +51,11 @@ class BurstLimits:
         Cycles in a row. [-]
     """
 
-    candidate: float = 6.0
-    score: float = 25.0
+    candidate: float = 3.0
+    evidence: float = 16.5
     evenness: float = 0.4
     share: float = 0.2
     cycles: float = 4.8
-
-    def of(self, n: int, limit: float) -> float:
-        """Raise a limit with the logarithm of the places where noise may exceed it."""
-        return limit + float(np.log(max(n / 2000, 1.0)))
 
 
 BURST = BurstLimits()
@@ -78,7 +72,9 @@ class Burst:
     start, end : float
         Where it begins and ends. [samples]
     score : float
-        Power over the geometric mean of its floors. [-]
+        Power over the spectrum of the noise. [-]
+    likelihood : float
+        Logarithm of its likelihood over that of noise alone. [-]
     evenness : float
         Amplitude of its weakest third over that of the whole. [-]
     share : float
@@ -91,6 +87,7 @@ class Burst:
     start: float
     end: float
     score: float
+    likelihood: float
     evenness: float
     share: float
     amplitude: float
@@ -99,6 +96,18 @@ class Burst:
     def cycles(self) -> float:
         """Cycles in a row."""
         return (self.end - self.start) / self.period
+
+    def evidence(self, n: int) -> float:
+        """Likelihood less the logarithm of the cycles of a record of n samples.
+
+        The larger its share of the variance, the less a tone can be an accident of a load's or a
+        set-point move's long echo, which the noise does not tell. Lags predict a sine in next to no
+        noise and leave no likelihood to it; then its score speaks.
+        """
+        share = min(self.share, ENOUGH_SHARE) / USUAL_SHARE
+        echo = ECHO * float(np.log(max(share, np.finfo(np.float64).tiny)))
+        likelihood = max(self.likelihood, self.score / 2)
+        return likelihood - float(np.log(n / self.period)) + echo
 
 
 @dataclass(slots=True, eq=False)
@@ -114,7 +123,8 @@ class _Level:
     starts : ndarray of int, shape (k,)
         First samples of the segments.
     scores : ndarray, shape (k, 18)
-        Power at 5 to 22 cycles a segment over the floors; 0 where there is nothing left to see.
+        Power at 5 to 22 cycles a segment over the floors, less the logarithm of the record's
+        cycles; minus infinity where there is nothing left to see.
     """
 
     step: float
@@ -153,11 +163,11 @@ class BurstSearch:
         """
         for level in self._levels:
             periods = SEGMENT * level.step / np.arange(FEWEST, MOST + 1)
-            level.scores[:, taken(periods, SEGMENT * level.step)] = 0.0
+            level.scores[:, taken(periods, SEGMENT * level.step)] = -np.inf
         for _ in range(TRIES if self._levels else 0):
             tops = [float(level.scores.max()) for level in self._levels]
             k = int(np.argmax(tops))
-            if tops[k] < self._limits.of(self._n, self._limits.candidate):
+            if tops[k] < self._limits.candidate:
                 return None
             found = self._fitted(k)
             self._take(found)
@@ -168,7 +178,7 @@ class BurstSearch:
     def _passes(self, found: Burst) -> bool:
         limits = self._limits
         return (
-            found.score >= limits.of(self._n, limits.score)
+            found.evidence(self._n) >= limits.evidence
             and found.evenness >= limits.evenness
             and found.share >= limits.share
             and found.cycles >= limits.cycles
@@ -182,6 +192,9 @@ class BurstSearch:
         floor = self._floor_at(middle / (SEGMENT * step)) * (np.sum(_WINDOW**2) / step)
         beside = np.sqrt(_means(power, *_BELOW) * _means(power, *_ABOVE))
         scores = power[:, FEWEST : MOST + 1] / (0.5 * (floor + beside) + np.finfo(np.float64).tiny)
+        periods = SEGMENT * step / middle
+        scores -= np.log(self._n / periods)
+        scores[:, periods < SHORTEST_PERIOD] = -np.inf
         return _Level(step, signal, starts, scores)
 
     def _floor_at(self, frequency: Real) -> Real:
@@ -195,30 +208,31 @@ class BurstSearch:
             columns = np.abs(np.log2(periods / found.period)) < 0.25
             starts = level.starts * level.step
             rows = (starts < found.end) & (starts + SEGMENT * level.step > found.start)
-            level.scores[np.ix_(rows, columns)] = 0.0
+            level.scores[np.ix_(rows, columns)] = -np.inf
 
     def _fitted(self, k: int) -> Burst:
-        """Fit the tone of the highest score of a level, and compare it with its floors."""
+        """Fit the tone of the highest score of a level, at a finer rate."""
         level = self._levels[k]
         row, column = np.unravel_index(int(np.argmax(level.scores)), level.scores.shape)
+        level.scores[row, column] = -np.inf
         begin = int(level.starts[row])
-        f, a, b, power = _tone(level.signal, (FEWEST + int(column)) / SEGMENT, begin)
-        beside, evenness, share, amplitude = _within(level.signal[a:b], f)
-        floors = [float(self._floor_at(np.array([f / level.step]))[0]) / level.step, beside]
+        f, a, b = part_of(
+            level.signal, (FEWEST + int(column)) / SEGMENT, begin, begin + SEGMENT,
+            reach=REACH * SEGMENT,
+        )  # fmt: skip
         finer = self._levels[max(k - FINER, 0)]
         ratio = level.step / finer.step
-        pad = 0.5 / f
-        outside = _outside(
-            finer.signal, int((a - pad) * ratio), int((b + pad) * ratio) + 1, f / ratio
-        )
-        if outside is not None:
-            floors.append(outside / ratio)
-        tiny = np.finfo(np.float64).tiny
+        tone = fit_tone(
+            finer.signal, f / ratio, int(a * ratio), min(int(b * ratio), finer.signal.size),
+            reach=int(FITTED_REACH * SEGMENT * ratio),
+        )  # fmt: skip
+        evenness, share, amplitude = _within(finer.signal[tone.first : tone.stop], tone.f)
         return Burst(
-            period=level.step / f,
-            start=a * level.step,
-            end=min(b * level.step, float(self._n)),
-            score=power / float(np.exp(np.mean(np.log(np.maximum(floors, tiny))))),
+            period=finer.step / tone.f,
+            start=tone.first * finer.step,
+            end=min(tone.stop * finer.step, float(self._n)),
+            score=tone.score,
+            likelihood=tone.likelihood,
             evenness=evenness,
             share=share,
             amplitude=amplitude,
@@ -261,81 +275,17 @@ def _means(power: Real, first: NDArray[np.int64], stop: NDArray[np.int64]) -> Re
     return np.asarray(power @ (((bins >= first) & (bins < stop)) / (stop - first)))
 
 
-def _tone(y: Real, f: float, begin: int) -> tuple[float, int, int, float]:
-    """Frequency [cycles a sample], part and power |sum y exp(-iwt)|^2/n of a tone.
-
-    Frequency and part are improved in turn, from the segment that begins at `begin`.
-    """
-    low, high = max(begin - REACH * SEGMENT, 0), min(begin + (REACH + 1) * SEGMENT, y.size)
-    near = y[low:high] - y[begin : begin + SEGMENT].mean()
-    t = np.arange(near.size)
-    a, b = begin - low, begin - low + SEGMENT
-    for step in (SEGMENT // 8, SEGMENT // 8, near.size // MOST_EDGES):
-        f = _frequency(near[a:b], f)
-        sums = np.cumsum(np.r_[0.0, near * np.exp(-2j * np.pi * f * t)])
-        edges = np.arange(0, near.size + 1, max(round(1 / f), step))
-        lengths = edges - edges[:, None]
-        found = sums[edges] - sums[edges, None]
-        power = (found.real**2 + found.imag**2) / np.maximum(lengths, 1)
-        power[lengths < FEWEST / f] = 0.0
-        if power.max() > 0:
-            i, j = np.unravel_index(int(np.argmax(power)), power.shape)
-            a, b = int(edges[i]), int(edges[j])
-    f = _frequency(near[a:b], f)
-    line = near[a:b] @ np.exp(-2j * np.pi * f * np.arange(b - a))
-    return f, low + a, low + b, float(abs(line) ** 2) / (b - a)
-
-
-def _frequency(part: Real, f: float) -> float:
-    """Frequency with the most power within 0.8 cycles a part, by a parabola through the best."""
-    tried = f + np.linspace(-0.8, 0.8, 9) / part.size
-    power = np.abs(np.exp(-2j * np.pi * tried[:, None] * np.arange(part.size)) @ part) ** 2
-    k = int(np.clip(np.argmax(power), 1, 7))
-    left, mid, right = power[k - 1 : k + 2].tolist()
-    bend = left - 2 * mid + right
-    shift = 0.5 * (left - right) / bend if bend < 0 else 0.0
-    return float(tried[k] + np.clip(shift, -1.0, 1.0) * 0.2 / part.size)
-
-
-def _within(part: Real, f: float) -> tuple[float, float, float, float]:
-    """Floor beside a tone, its evenness, its share of the variance and its amplitude."""
-    n = part.size
+def _within(part: Real, f: float) -> tuple[float, float, float]:
+    """Evenness of a tone, its share of the variance and its amplitude."""
     part = part - part.mean()
-    t = np.arange(n)
-    beside = f + BESIDE / n
-    beside = beside[(beside > 0.5 / n) & (beside < 0.5)]
-    floor = float(np.mean(np.abs(np.exp(-2j * np.pi * beside[:, None] * t) @ part) ** 2)) / n
-    turned = part * np.exp(-2j * np.pi * f * t)
+    turned = part * np.exp(-2j * np.pi * f * np.arange(part.size))
     line = complex(np.mean(turned))
     along = (turned * np.conj(line)).real / max(abs(line), np.finfo(np.float64).tiny)
     weakest = min(float(np.mean(third)) for third in np.array_split(along, 3))
     amplitude = 2 * abs(line)
     variance = float(np.var(part))
     return (
-        floor,
         2 * weakest / amplitude if amplitude > 0 else 0.0,
         amplitude**2 / 2 / variance if variance > 0 else 0.0,
         amplitude,
     )
-
-
-def _outside(y: Real, a: int, b: int, f: float) -> float | None:
-    """Spectrum at f of an autoregression of y without y[a:b]; None where too little is left."""
-    parts = [part - part.mean() for part in (y[: max(a, 0)], y[b:]) if part.size > 8 * ORDER]
-    size = sum(part.size for part in parts)
-    if size < max(OUTSIDE * y.size, FEWEST_OUTSIDE):
-        return None
-    r = (
-        np.array(
-            [
-                sum(float(part[: part.size - k] @ part[k:]) for part in parts)
-                for k in range(ORDER + 1)
-            ]
-        )
-        / size
-    )
-    # The rest keeps the matrix of a signal without noise, or without anything, invertible.
-    r[0] = r[0] * (1 + 1e-6) + np.finfo(np.float64).tiny
-    coefficients = solve_toeplitz(r[:-1], r[1:])
-    response = 1 - coefficients @ np.exp(-2j * np.pi * f * np.arange(1, ORDER + 1))
-    return float((r[0] - coefficients @ r[1:]) / abs(response) ** 2)

@@ -13,8 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from loop.signals import Flags, Real
+from monitoring.activity import PERSISTENT_SHARE, activity
 from monitoring.basis import Basis, Setting, graded, refusal
-from monitoring.bursts import BURST, BurstSearch
+from monitoring.bursts import BURST, SHORTEST_PERIOD, BurstSearch
 from monitoring.regularity import (
     ENVELOPE_POINTS,
     FEW_POINTS,
@@ -27,13 +28,10 @@ from monitoring.spectrum import BandFilter, band_pass
 
 FEWEST_CYCLES = 6
 FEWEST_SAMPLES = 64
-SHORTEST_PERIOD = 4.0
 # Below this many samples a cycle, the waveform and its amplitude are only guessed.
 COARSE_PERIOD = 8.0
 BAND = 2**0.4
 MOST_OSCILLATIONS = 3
-PERSISTENT_SHARE = 0.6
-ENOUGH_POWERS = 8192
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,8 +40,6 @@ class Limits:
 
     Attributes
     ----------
-    score : float
-        Power of the line over the smooth spectrum. [-]
     regularity : float
         Regularity r of the crossings of the autocorrelation. [-]
     lasting : float
@@ -54,15 +50,16 @@ class Limits:
         Cycles in a row. [-]
     """
 
-    score: float
     regularity: float
     lasting: float
     share: float
     cycles: float
 
 
-WHOLE = Limits(score=7.0, regularity=6.0, lasting=0.5, share=0.3, cycles=4.5)
-CLEAR = Limits(score=BURST.score, regularity=10.0, lasting=0.75, share=0.4, cycles=5.5)
+# Power of a line of the whole record over the smooth spectrum.
+LINE_SCORE = 7.0
+WHOLE = Limits(regularity=6.0, lasting=0.5, share=0.3, cycles=4.5)
+CLEAR = Limits(regularity=10.0, lasting=0.75, share=0.4, cycles=5.5)
 
 
 class OscillationVerdict(StrEnum):
@@ -89,7 +86,7 @@ class OscillationComponent:
     decay_ratio : float
         Autocorrelation that is left after two and a half to five periods. [-]
     score : float
-        Power of the line over the smooth spectrum around it. [-]
+        Power of the line over the smooth spectrum around it; of a part, over the noise's. [-]
     share : float
         Part of the variance of the error in its band. [-]
     start, end : float
@@ -218,8 +215,8 @@ def _undecided(why: str, share: float) -> Oscillation:
 
 def _settings() -> tuple[Setting, ...]:
     return (
-        ("score, whole record", WHOLE.score),
-        ("score, part", BURST.score),
+        ("score, whole record", LINE_SCORE),
+        ("evidence, part", BURST.evidence),
         ("regularity, whole record", WHOLE.regularity),
         ("regularity, clear part", CLEAR.regularity),
         ("lasting autocorrelation, whole record", WHOLE.lasting),
@@ -252,14 +249,14 @@ def _of_whole(
 ) -> OscillationComponent | None:
     """Try the highest line of the whole record and two more."""
     lines = seen.lines
-    columns = np.flatnonzero(lines.scores >= WHOLE.score)
+    columns = np.flatnonzero(lines.scores >= LINE_SCORE)
     scores = lines.scores[columns]
     scores[_belonging(lines.length / (lines.first + columns), lines.length, dt, found)] = 0.0
     # A weaker oscillation is to be a fair part of what the stronger ones leave.
     rest = max(1 - sum(component.share for component in found), 0.0)
     for _ in range(3):
         best = int(np.argmax(scores)) if scores.size else 0
-        if not scores.size or scores[best] < WHOLE.score:
+        if not scores.size or scores[best] < LINE_SCORE:
             return None
         period = lines.length / (lines.first + int(columns[best]))
         # The share told by the spectrum is cheap; a candidate far below its limit is not filtered.
@@ -355,7 +352,7 @@ def _component(
     mean_period, regularity, lasting = steady or wave.regularity(start, stop)
     if regularity < limits.regularity or lasting < limits.lasting:
         return None
-    first, last, active, amplitude = _activity(wave.square, period / step, (start, stop))
+    first, last, active, amplitude = activity(wave.square, period / step, (start, stop))
     if (last - first) * step / period < limits.cycles:
         return None
     end = min(last * step, float(seen.error.size))
@@ -371,40 +368,3 @@ def _component(
         cycles=(end - first * step) / mean_period,
         persistent=active >= PERSISTENT_SHARE,
     )
-
-
-def _activity(
-    square: Real, period: float, region: tuple[int, int]
-) -> tuple[int, int, float, float]:
-    """First and one past the last sample of the longest active run, active part, amplitude.
-
-    A window of one period is active where its mean square reaches a quarter of the region's 90 %
-    quantile, or an eighth of what it is on average where the energy lies: a burst may be shorter
-    than a tenth of the region. Breaks of up to two periods do not end a run. The active part
-    counts all of the record: noise may break the run of a wave that never stops.
-    """
-    window = max(round(period), 2)
-    sums = np.cumsum(np.r_[0.0, square])
-    power = np.maximum(sums[window:] - sums[:-window], 0.0) / window
-    there = power[region[0] : max(region[1] - window, region[0] + 1)]
-    # A quantile is known from so many samples; sorting all of a day would only take time.
-    there = there[:: max(there.size // ENOUGH_POWERS, 1)]
-    place = 0.9 * (there.size - 1)
-    below, above = int(place), min(int(place) + 1, there.size - 1)
-    parted = np.partition(there, (below, above))
-    high = float(parted[below] + (place - below) * (parted[above] - parted[below]))
-    total = float(np.sum(there))
-    burst = float(there @ there) / total if total > 0 else 0.0
-    active = power >= 0.25 * max(high, 0.5 * burst)
-    turns = np.flatnonzero(active[1:] != active[:-1]) + 1
-    edges = np.r_[0, turns, active.size]
-    starts, ends = (edges[k : edges.size - 1 + k][int(not active[0]) :: 2] for k in (0, 1))
-    apart = starts[1:] - ends[:-1] + 1 > 2 * window
-    starts, ends = starts[np.r_[True, apart]], ends[np.r_[apart, True]] - 1
-    part = int(np.count_nonzero(active)) / power.size
-    best = int(np.argmax(ends - starts))
-    first, last = int(starts[best]), int(ends[best]) + window
-    if part >= PERSISTENT_SHARE:
-        first, last = int(starts[0]), int(ends[-1]) + window
-    amplitude = float(np.sqrt(2 * np.mean(square[first:last])))
-    return first, last, part, amplitude

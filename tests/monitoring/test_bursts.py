@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from benchmarks.burst_detection import Noise, tries
+from benchmarks.burst_detection import Noise, errors, tries
 from loop.signals import Flags, Real
-from monitoring.bursts import BURST, Burst, BurstSearch
+from monitoring.bursts import Burst, BurstSearch
 from monitoring.oscillation import OscillationVerdict, oscillation
 from monitoring.spectrum import BandFilter
 
@@ -91,9 +93,18 @@ def test_a_burst_in_silence_is_found() -> None:
     assert found.amplitude == pytest.approx(2.0, rel=0.05)
 
 
-def test_longer_records_ask_for_more() -> None:
-    assert BURST.of(1000, 20.0) == 20.0
-    assert BURST.of(20_000, 20.0) == pytest.approx(20 + np.log(10))
+def test_longer_records_shorter_periods_and_fainter_waves_ask_for_more() -> None:
+    one = Burst(
+        period=20.0, start=100.0, end=300.0, score=30.0, likelihood=25.0, evenness=1.0, share=0.3,
+        amplitude=1.0,
+    )  # fmt: skip
+    assert one.cycles == 10
+    assert one.evidence(2000) == pytest.approx(25 - np.log(100))
+    assert one.evidence(2000) - one.evidence(20_000) == pytest.approx(np.log(10))
+    assert one.evidence(2000) - replace(one, period=10.0).evidence(2000) == pytest.approx(np.log(2))
+    faint, strong, all_of_it = (replace(one, share=s).evidence(2000) for s in (0.2, 0.5, 1.0))
+    assert faint < one.evidence(2000) < strong
+    assert all_of_it == strong
 
 
 def test_a_tone_that_fills_the_record_is_told_from_its_own_surroundings() -> None:
@@ -107,4 +118,15 @@ def test_a_tone_that_fills_the_record_is_told_from_its_own_surroundings() -> Non
 def test_most_waves_as_large_as_the_noise_are_found(noise_kind: Noise) -> None:
     made = list(tries(noise_kind, 12, seed=21))
     assert sum(one.found for one in made) >= 8
-    assert all(one.ideal is None or 0 <= one.ideal <= 1 for one in made)
+    assert all(0 <= one.ideal <= 1 for one in made)
+
+
+def test_the_spectrum_told_to_the_ideal_detector_is_that_of_the_loop() -> None:
+    # Median of the periodogram over the spectrum: log 2, whatever the loop
+    ratios = []
+    for error, spectrum in errors(Noise.LOOP, 30, seed=8):
+        bins = np.arange(20, 980, 7)
+        power = np.abs(np.fft.rfft(error * np.hanning(error.size))) ** 2 / (0.375 * error.size)
+        told = np.array([spectrum(error.size / k) for k in bins])
+        ratios.append(np.median(power[bins] / told) / np.log(2))
+    assert np.median(ratios) == pytest.approx(1.0, abs=0.1)
