@@ -75,6 +75,8 @@ class Burst:
         Power over the spectrum of the noise. [-]
     likelihood : float
         Logarithm of its likelihood over that of noise alone. [-]
+    standing : float
+        Power of the segment that it was seen in over the smooth spectra around it. [-]
     evenness : float
         Amplitude of its weakest third over that of the whole. [-]
     share : float
@@ -88,6 +90,7 @@ class Burst:
     end: float
     score: float
     likelihood: float
+    standing: float
     evenness: float
     share: float
     amplitude: float
@@ -101,12 +104,12 @@ class Burst:
         """Likelihood less the logarithm of the cycles of a record of n samples.
 
         The larger its share of the variance, the less a tone can be an accident of a load's or a
-        set-point move's long echo, which the noise does not tell. Lags predict a sine in next to no
-        noise and leave no likelihood to it; then its score speaks.
+        set-point move's long echo, which the noise does not tell. Lags predict a strong wave
+        themselves and leave no likelihood to it; then half of what it stands out by speaks.
         """
         share = min(self.share, ENOUGH_SHARE) / USUAL_SHARE
         echo = ECHO * float(np.log(max(share, np.finfo(np.float64).tiny)))
-        likelihood = max(self.likelihood, self.score / 2)
+        likelihood = max(self.likelihood, self.score / 2, self.standing / 2)
         return likelihood - float(np.log(n / self.period)) + echo
 
 
@@ -214,6 +217,8 @@ class BurstSearch:
         """Fit the tone of the highest score of a level, at a finer rate."""
         level = self._levels[k]
         row, column = np.unravel_index(int(np.argmax(level.scores)), level.scores.shape)
+        cycles = self._n * (FEWEST + int(column)) / (SEGMENT * level.step)
+        standing = float(level.scores[row, column] + np.log(cycles))
         level.scores[row, column] = -np.inf
         begin = int(level.starts[row])
         f, a, b = part_of(
@@ -233,6 +238,7 @@ class BurstSearch:
             end=min(tone.stop * finer.step, float(self._n)),
             score=tone.score,
             likelihood=tone.likelihood,
+            standing=standing,
             evenness=evenness,
             share=share,
             amplitude=amplitude,

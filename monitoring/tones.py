@@ -163,10 +163,16 @@ def part_of(y: Real, f: float, first: int, stop: int, *, reach: int) -> tuple[fl
 
 def frequency_of(part: Real, f: float) -> float:
     """Frequency with the most power within 0.8 cycles a part, by a parabola through the best."""
-    tried = f + np.linspace(-0.8, 0.8, 9) / part.size
-    power = np.abs(np.exp(-2j * np.pi * tried[:, None] * np.arange(part.size)) @ part) ** 2
+    t = np.arange(part.size)
+    step = 0.2 / part.size
+    turned = part * np.exp(-2j * np.pi * (f - 4 * step) * t)
+    turn = np.exp(-2j * np.pi * step * t)
+    power = np.empty(9)
+    for k in range(9):
+        power[k] = abs(turned.sum()) ** 2
+        turned *= turn
     k = int(np.clip(np.argmax(power), 1, 7))
     left, mid, right = power[k - 1 : k + 2].tolist()
     bend = left - 2 * mid + right
     shift = 0.5 * (left - right) / bend if bend < 0 else 0.0
-    return float(tried[k] + np.clip(shift, -1.0, 1.0) * 0.2 / part.size)
+    return float(f + (k - 4 + np.clip(shift, -1.0, 1.0)) * step)

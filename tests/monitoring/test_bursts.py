@@ -93,10 +93,19 @@ def test_a_burst_in_silence_is_found() -> None:
     assert found.amplitude == pytest.approx(2.0, rel=0.05)
 
 
+def test_a_strong_wave_that_lags_would_predict_is_found() -> None:
+    # eleven slow cycles of it are a hundred samples at the rate at which they are fitted
+    strong = with_burst(noise(2000, 4, 0.9), 150.0, 100, 11.5, amplitude=6.0)
+    found = strongest(strong)
+    assert found is not None
+    assert found.likelihood < found.standing / 2
+    assert found.period == pytest.approx(150, rel=0.02)
+
+
 def test_longer_records_shorter_periods_and_fainter_waves_ask_for_more() -> None:
     one = Burst(
-        period=20.0, start=100.0, end=300.0, score=30.0, likelihood=25.0, evenness=1.0, share=0.3,
-        amplitude=1.0,
+        period=20.0, start=100.0, end=300.0, score=30.0, likelihood=25.0, standing=20.0,
+        evenness=1.0, share=0.3, amplitude=1.0,
     )  # fmt: skip
     assert one.cycles == 10
     assert one.evidence(2000) == pytest.approx(25 - np.log(100))
@@ -105,6 +114,8 @@ def test_longer_records_shorter_periods_and_fainter_waves_ask_for_more() -> None
     faint, strong, all_of_it = (replace(one, share=s).evidence(2000) for s in (0.2, 0.5, 1.0))
     assert faint < one.evidence(2000) < strong
     assert all_of_it == strong
+    for strong_one in (replace(one, score=80.0), replace(one, standing=80.0)):
+        assert strong_one.evidence(2000) == pytest.approx(40 - np.log(100))
 
 
 def test_a_tone_that_fills_the_record_is_told_from_its_own_surroundings() -> None:
