@@ -22,7 +22,7 @@ from monitoring.oscillation import oscillation
 from monitoring.stiction import stiction
 from monitoring.stiction_result import Stiction, StictionVerdict
 
-SEED = 920
+SEED = 930
 SAMPLES = 2000
 EPISODES = Path(__file__).parent.parent.parent / "shared" / "data" / "refinery_loops"
 # The probability is calibrated with sticking and other loops equally likely beforehand: a refusal

@@ -1,6 +1,6 @@
-"""Draw the refinery loops that the stiction probability ranks wrongly.
+"""Draw the refinery loops that the stiction probability ranks wrongly, or tells apart the least.
 
-`python -m docs.figures.refinery_misses` writes `docs/images/stiction-misses.png` where the data
+`python -m docs.figures.refinery_hardest` writes `docs/images/stiction-hardest.png` where the data
 are at hand.
 """
 
@@ -14,17 +14,19 @@ from docs.figures.style import FOLDER, held, label, model, panels
 POINTS = 125
 
 
-def misses() -> list[str]:
-    """Loops of lost pairs: sticky ones below a healthy one, and healthy ones above a sticky one."""
+def hardest() -> list[str]:
+    """Loops of lost pairs; where none is lost, the lowest sticky and the highest healthy one."""
     loops = episode_probabilities()
     sticky = {loop: row[1] for loop, row in loops.items() if row[0]}
     healthy = {loop: row[1] for loop, row in loops.items() if not row[0]}
-    low = [loop for loop, p in sticky.items() if p <= max(healthy.values())]
-    high = [loop for loop, p in healthy.items() if p >= min(sticky.values())]
+    ceiling = max(*healthy.values(), min(sticky.values()))
+    floor = min(*sticky.values(), max(healthy.values()))
+    low = [loop for loop, p in sticky.items() if p <= ceiling]
+    high = [loop for loop, p in healthy.items() if p >= floor]
     return sorted(low, key=sticky.__getitem__) + sorted(high, key=lambda loop: -healthy[loop])
 
 
-def refinery_misses(loops: list[str]) -> Figure:
+def refinery_hardest(loops: list[str]) -> Figure:
     """PV (light) with its set point (dark), and OP, of the first episode of every loop."""
     said = episode_probabilities()
     figure, flat = panels(2 * len(loops), columns=2, share_x=False)
@@ -48,5 +50,5 @@ def refinery_misses(loops: list[str]) -> Figure:
 if __name__ == "__main__":
     if not EPISODES.is_dir():
         raise SystemExit(f"the refinery episodes are not at hand: {EPISODES}")
-    # Twenty panels: as points, since their axes alone would fill the largest file of curves.
-    refinery_misses(misses()).savefig(FOLDER.parent / "stiction-misses.png", dpi=75)
+    # As points: with many loops the axes alone would fill the largest file of curves.
+    refinery_hardest(hardest()).savefig(FOLDER.parent / "stiction-hardest.png", dpi=75)
