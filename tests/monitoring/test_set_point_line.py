@@ -54,7 +54,7 @@ def test_moves_at_random_drive_no_oscillation() -> None:
 
 
 def test_a_set_point_that_steps_to_and_fro_is_what_makes_the_error_swing() -> None:
-    sp = np.where((np.arange(1500) // 150) % 2 == 0, 50.0, 55.0)
+    sp = np.where((np.arange(1500) // 60) % 2 == 0, 50.0, 55.0)
     run = simulate(
         FOPDT(K=1.0, tau=60.0, theta=10.0), PID(Kc=1.5, Ti=60.0), t_end=7495.0, dt=5.0, sp=sp,
         pv0=50.0, op0=50.0, noise=0.2, rng=np.random.default_rng(1),
