@@ -17,10 +17,13 @@ from monitoring.model_mismatch import ModelVerdict
 from monitoring.oscillation import OscillationComponent
 from monitoring.score_profile import ScoreProfile
 from monitoring.set_point_moves import SetPointMoves
-from monitoring.stiction_result import StictionVerdict
+from monitoring.stiction_result import Stiction, StictionVerdict
 
 # What is left of the autocorrelation of a steady wave; noise in a lively loop loses its phase.
 STEADY_WAVE = 0.85
+# The probability of stiction takes sticking and other valves as equally likely beforehand. Where
+# one valve in four sticks, 0.75 of it is an even chance: worth a look, and no more.
+RATHER_STICKS = 0.75
 OSCILLATING_SET_POINT = (
     "The set point swings with that period too, {ratio:.2g} times as far as the error: "
     "look at what moves it."
@@ -60,6 +63,8 @@ def diagnose(indices: Indices, profile: ScoreProfile) -> Diagnosis:
     if not found and indices.control is not None and indices.control.oscillation.basis.refused:
         reasons = "; ".join(indices.control.oscillation.basis.reasons)
         return not_assessable(f"Whether the loop oscillates cannot be told: {reasons}.")
+    if not found and indices.control is not None and _rather_sticks(indices.control.stiction):
+        return _rather_valve(indices.control.stiction)
     if not found:
         return _healthy(indices, profile)
     first = found[0]
@@ -182,6 +187,26 @@ def _valve(control: ControlIndices) -> Diagnosis:
         cause=Cause.VALVE,
         confidence=stiction.basis.confidence,
         evidence=tuple(evidence),
+        action=Action.CHECK_VALVE,
+    )
+
+
+def _rather_sticks(stiction: Stiction) -> bool:
+    undecided = stiction.verdict is StictionVerdict.UNDECIDED
+    return undecided and (stiction.probability or 0.0) >= RATHER_STICKS
+
+
+def _rather_valve(stiction: Stiction) -> Diagnosis:
+    """Nothing else is found, and the valve is likelier to stick than not, without proof."""
+    doubts = "; ".join(stiction.basis.reasons)
+    return Diagnosis(
+        cause=Cause.VALVE,
+        confidence=Confidence.LOW,
+        evidence=(
+            f"Probability of stiction {stiction.probability:.2f}, which does not decide it: "
+            f"{doubts}.",
+            MOVE_IT,
+        ),
         action=Action.CHECK_VALVE,
     )
 
