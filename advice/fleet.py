@@ -92,6 +92,8 @@ class LoopResult:
         Grade, 0 to 100; None where it is not assessable. [-]
     word, cause, confidence, action : str
         Grade and diagnosis in words.
+    others : tuple of str
+        Further causes that the data show or leave open.
     because : str
         The first piece of evidence.
     body : Body
@@ -105,6 +107,7 @@ class LoopResult:
     cause: str
     confidence: str
     action: str
+    others: tuple[str, ...]
     because: str
     body: Body
 
@@ -156,6 +159,7 @@ def _result(name: str, assessment: Assessment) -> LoopResult:
         cause=diagnosis.cause.value,
         confidence=diagnosis.confidence.value,
         action=diagnosis.action.value,
+        others=tuple(other.value for other in diagnosis.others),
         because=diagnosis.evidence[0] if diagnosis.evidence else "",
         body=assessment_body(assessment),
     )

@@ -257,7 +257,7 @@ def _print(found: list[LoopResult]) -> None:
         (
             one.tag,
             "-" if one.points is None else f"{one.points:.0f} {one.word}",
-            one.cause,
+            " or ".join((one.cause, *one.others)),
             one.confidence,
             one.action,
             one.because,

@@ -122,6 +122,20 @@ def test_the_worst_loop_comes_first_with_what_to_do(
     assert causes.startswith("Causes: 1 ")
 
 
+def test_causes_that_are_left_open_are_named_beside_the_likeliest(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    moving = signals(seed=2)
+    still = Samples(
+        time=moving.time, pv=np.full(ROWS, 50.0), sp=moving.sp,
+        op=np.linspace(20.0, 40.0, ROWS), mode=moving.mode,
+    )  # fmt: skip
+    parquet(tmp_path, "FIC-STILL", still)
+
+    assert run(["assess", str(tmp_path)]) == 0
+    assert "sensor or valve" in capsys.readouterr().out
+
+
 def test_a_day_of_the_installation_is_assessed_and_kept(
     sqlite_url: URL,
     data_folder: Path,
