@@ -181,14 +181,14 @@ def _answered(answers: ValveAnswers) -> tuple[StictionEvidence, ...]:
         StictionEvidence(
             method="lost motion", value=answers.lost_motion,
             verdict=StictionVerdict.STICTION if lost else StictionVerdict.UNDECIDED,
-            note=f"n log of what lost motion of {answers.width:.0%} of OP's range takes off the "
-            f"residual; beyond {model.lost_motion_from:.3g} it is rare in sound loops",
+            note=f"{_dead_band(answers.width)}; one sound loop of a hundred is beyond "
+            f"{model.lost_motion_from:.3g} (blocks times the log of the ratio of the residuals)",
         ),
         StictionEvidence(
             method="correlation of OP and PV", value=answers.correlation,
             verdict=StictionVerdict.NONE if answered else StictionVerdict.UNDECIDED,
-            note=f"at the best lag; beyond {model.correlation_from:.3g} it is rare where a valve "
-            "sticks, low values prove nothing",
+            note=f"at the best lag; one sticking valve of a hundred is beyond "
+            f"{model.correlation_from:.3g}, and low values prove nothing",
         ),
         StictionEvidence(
             method="unanswered travel", value=answers.unanswered,
@@ -196,6 +196,12 @@ def _answered(answers: ValveAnswers) -> tuple[StictionEvidence, ...]:
             note="part of OP's travel during which the error stayed; loads can do that too",
         ),
     )  # fmt: skip
+
+
+def _dead_band(width: float) -> str:
+    if width == 0:
+        return "no dead band explains PV better than none"
+    return f"a dead band of {width:.0%} of OP's range in the window explains PV best"
 
 
 def _evidence(found: StictionFeatures, integrating: bool) -> tuple[StictionEvidence, ...]:
