@@ -13,7 +13,7 @@ from loop.signals import Real
 from monitoring.origin import NAMED_FROM, NAMES, origin_model
 from monitoring.shared_oscillations import SIMILAR, shared_oscillations
 
-SEED, COUNT = 11, 10
+SEED, COUNT = 12, 10
 # Independent swings: samples a period, cycles over which they remember themselves, pairs.
 PERIOD, MEMORY, PAIRS, CYCLES = 40.0, 8.0, 200, (15, 40, 100)
 COLUMNS = (

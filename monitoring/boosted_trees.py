@@ -32,7 +32,7 @@ class BoostedTrees:
     edges : tuple of ndarray, length k
         Edges of every number, increasing.
     depth : int
-        Nodes on the longest way through a tree.
+        Splits on the longest way through a tree.
     """
 
     roots: Places
@@ -85,6 +85,8 @@ def trees_from(body: Mapping[str, Any]) -> BoostedTrees:
         depths.append(depth)
         if not ends:
             waiting += [depth + 1, depth + 1]
+    if waiting:
+        raise ValueError("the last tree is cut off: fit the weights again")
     return BoostedTrees(
         roots=np.array(roots, dtype=np.intp), number=number, edge=edge, right=right, value=value,
         edges=tuple(np.array(row, dtype=np.float64) for row in body["edges"]),

@@ -65,7 +65,7 @@ def controller_moves(op: Real, error: Real) -> ControllerMoves:
 
 
 def _two_by_two(a: Real, b: Real, target: Real) -> tuple[float, float]:
-    """Least squares on two columns; nothing where they are one direction."""
+    """Least squares on two columns; on the second alone where they are one direction."""
     aa, bb, ab = float(a @ a), float(b @ b), float(a @ b)
     at, bt = float(a @ target), float(b @ target)
     determinant = aa * bb - ab * ab

@@ -16,7 +16,7 @@ from loop.signals import Real
 WINDOW_PART, RESET_PART, SEEN = 60, 4, 2.5
 # An excursion is long beyond so many integral times: a well-behaved loop is back within two.
 LONG = 3.0
-# Shorter excursions have no early and late quarter. [samples]
+# Shorter excursions have no second and third quarter. [samples]
 FEWEST = 8
 MOST_LEFT = 3.0
 
@@ -34,7 +34,7 @@ class ErrorExcursions:
     long_share : float
         Part of the energy in those that last for more than three integral times. [-]
     left : float
-        Error in the last quarter over that in the first, energy-weighed, at most 3. [-]
+        Error in the third quarter over that in the second, energy-weighed, at most 3. [-]
     first_crossing : float
         Lag of the first zero of the autocorrelation over the window. [-]
     """

@@ -24,6 +24,11 @@ def test_trees_are_walked_as_they_are_written() -> None:
     assert trees.log_odds(rows).tolist() == [-0.5, 2.5, 3.5, -0.5]
 
 
+def test_a_tree_that_is_cut_off_is_refused() -> None:
+    with pytest.raises(ValueError, match="cut off"):
+        trees_from(BY_HAND | {"number": [0, -1], "edge": [0], "right": [2], "value": [-1.0]})
+
+
 def test_no_answer_is_worth_a_certainty_and_every_row_ends_in_a_leaf() -> None:
     trees = answer_model().trees
     rows = np.random.default_rng(1).normal(size=(200, len(NAMES))) * 5
