@@ -140,12 +140,13 @@ def _memory(error: Real) -> int:
 def _kept(error: Real, length: int) -> float:
     """Part of the variance of a mean square that blocks of a length keep, half at least.
 
-    The autocovariance of a square goes with the square of that of the signal; a block cuts off
-    its part k/length at lag k.
+    The autocovariance of the square of a Gaussian signal with mean m and autocovariance c is
+    2 c^2 + 4 m^2 c; a block cuts off its part k/length at lag k.
     """
     if length < 2:
         return 1.0
-    r = autocovariance(error, length - 1) ** 2
+    c = autocovariance(error, length - 1)
+    r = c**2 + 2 * float(np.mean(error)) ** 2 * c
     lags = np.arange(length)
     return max(1 - 2 * float(lags @ r) / length / float(2 * np.sum(r) - r[0]), 0.5)
 

@@ -37,6 +37,14 @@ def test_without_a_change_an_alarm_is_rare_although_the_error_remembers() -> Non
     assert sum(one.change is not Change.NO_DIFFERENCE for one in naive) > 20
 
 
+def test_without_a_change_an_alarm_is_rare_although_the_error_has_an_offset() -> None:
+    changed = 0
+    for k in range(150):
+        first, second = (3.0 * 2.3 + slow(1500, 2 * k + part) for part in (0, 1))
+        changed += before_after(first, second, draws=200).change in (Change.BETTER, Change.WORSE)
+    assert changed <= 15  # 5 % of 150 and three standard errors
+
+
 def test_for_white_noise_the_interval_is_that_of_the_f_distribution() -> None:
     rng = np.random.default_rng(0)
     found = before_after(rng.normal(size=2000), rng.normal(size=2000), block=1)
